@@ -391,8 +391,7 @@ class Session(Resumable):
                 judged += self._tick_until(item.order, item.until)
                 continue
             self.receive(item.order, item.answers)
-            step = msgspec.structs.replace(item.step, skipped=True) if self.suspended else item.step
-            judged.append(self.judges[item.order].judge(step, self.now))
+            judged += self._judge_one(item.order, item.step) + self.rows.judge(self._judge_one, None)
         return judged
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -10,18 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from oracle_server.core.asking import Ask
+from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.signals import RowProjection
 from oracle_server.core.spec import Property, StreamSpec
-from oracle_server.core.verdicts import Judged, record
+from oracle_server.core.verdicts import Judged, Outcome, record
 from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.table import make_engine
 from tests.core.sessions import MAX_DELAY, open_session, prop
+from tests.core.test_asking import external
 
 often = settings(max_examples=300, deadline=None, database=None)
 Late = Literal["judge", "skip", "revise"]
 TF, OTHER = StreamKey("/tf", "topic"), StreamKey("/other", "topic")
+ANSWER = Answer(Outcome.CURRENTLY_TRUE, "it is so")
 PROPERTIES = [
     prop("once_before", "forall[k]. {k: *k, v: 1} -> pre once {k: *k}"),
     prop("soon", '{topic: "/other"} -> once[:6ns] {v: 2}', time="seconds"),
@@ -48,22 +54,31 @@ sent = st.builds(
 )
 
 
-def native(property_: Property) -> NativeEngine:
-    return NativeEngine(property_.formula, property_.time)
+def made(property_: Property) -> Engine:
+    return make_engine(property_) if property_.external else NativeEngine(property_.formula, property_.time)
 
 
 def course(
-    script: Sequence[Sent], late: Late, by: str, *, rows: bool, enough: Callable[[], bool] | None = None
+    script: Sequence[Sent],
+    late: Late,
+    by: str,
+    *,
+    rows: bool,
+    enough: Callable[[], bool] | None = None,
+    asked: bool = False,
 ) -> list[Judged]:
-    """What is judged of messages with rows, or of an event for each element."""
+    """What is judged of messages with rows, or of an event for each element; `asked`: an oracle is, of others."""
     signals = {"k": "item.k", "v": "item.v"} if rows else {"k": "msg.k", "v": "msg.v"}
     streams = (StreamSpec("/tf", signals=signals, each="msg.list" if rows else None), StreamSpec("/other", signals={}))
     told_again = any(one.delay > MAX_DELAY for one in script)
     """Deadlines are, between one late event and the next, and not between two rows."""
     properties = [p for p in PROPERTIES if p.time == "steps"] if told_again else PROPERTIES
+    if asked:
+        properties = [*properties, external("theirs", "/other")]
     session = open_session(
-        properties, attach={"m": [TF], "n": [OTHER]}, streams=streams, maker=native, late=late, by=by, horizon=500
+        properties, attach={"m": [TF], "n": [OTHER]}, streams=streams, maker=made, late=late, by=by, horizon=500
     )
+    waiting = deque[Ask]()
     if enough is not None:
         session.divide(enough)
     seqs, judged, stamp = {"m": 0, "n": 0}, list[Judged](), 1000
@@ -79,8 +94,14 @@ def course(
         for each in data:
             seqs[monitor] += 1
             judged += session.ingest(Event(key, monitor, seqs[monitor], stamped, arrived, each))
+        waiting.extend(session.take_asks())
+        while waiting and (one.after % 2 or len(waiting) > 2):
+            judged += session.resolve(waiting.popleft(), ANSWER, arrived)
     end = 10**9
-    return judged + session.finish(end) + session.end(end)
+    judged += session.finish(end)
+    for ask in (*waiting, *session.take_asks()):
+        judged += session.resolve(ask, ANSWER, end)
+    return judged + session.end(end)
 
 
 def until(session: Session, now: int) -> list[Judged]:
@@ -126,6 +147,21 @@ def test_rows_are_judged_as_events_of_their_own(script: list[Sent], late: Late, 
         if by == "both":  # numbers of verdicts go over both orders, which take turns by event
             one, other = ([unnumbered(j) for j in found] for found in (one, other))
         assert told(one) == told(other)
+
+
+@often
+@given(
+    st.lists(sent, max_size=12),
+    st.sampled_from(["judge", "skip"]),
+    st.sampled_from(["publication", "arrival"]),
+    st.booleans(),
+)
+def test_they_are_beside_what_an_oracle_elsewhere_is_asked(
+    script: list[Sent], late: Late, by: str, divided: bool
+) -> None:
+    enough = (lambda: True) if divided else None
+    apart, mine = (course(script, late, by, rows=rows, enough=enough, asked=True) for rows in (False, True))
+    assert told(mine) == told(apart)
 
 
 def unnumbered(judged: Judged) -> Judged:

@@ -108,7 +108,12 @@ def test_a_goal_outlives_a_restart_of_the_monitor(tmp_path: Path) -> None:
         assert "/count: the monitor ends; goals that go on at the server: 1" in process.log
         second = adapter(scene, oracle)
         peer.until(lambda: peer._do("connected", "/count_mon"), lambda: "the client does not come back")
-        peer.cancel_goal(goal)
+
+        def cancelled() -> object:
+            peer.cancel_goal(goal)  # what rospy writes to the connection of the monitor that has gone is lost
+            return peer._do("ended", goal)
+
+        peer.until(cancelled, lambda: f"it is in {peer.states(goal)}")
         ended = peer.ended(goal)
         assert ended is not None
         assert (ended.status, ended.text, ended.result) == (GoalStatus.SUCCEEDED, "done all the same", 3)
