@@ -236,8 +236,9 @@ class Judge(Telling):
         return deadline is not None and deadline <= time
 
     def _count(self, step: Step) -> None:
-        self.counters.late += step.late
-        self.counters.skewed += step.skewed
+        if not step.event.row:  # of an event with rows the first one counts
+            self.counters.late += step.late
+            self.counters.skewed += step.skewed
         self.counters.lost += step.event.lost
         if step.event.lost or step.forced:
             self._degraded = True
@@ -277,7 +278,7 @@ class Judge(Telling):
         return msgspec.structs.replace(judged, verdicts=verdicts, episodes=self._follow(time, verdicts, instant=True))
 
     def _skip(self, step: Step, now: int) -> Judged:
-        self.counters.skipped += 1
+        self.counters.skipped += not step.event.row
         verdicts = tuple(self._plain(state, next(self._numbers), Outcome.UNKNOWN) for state in self.properties)
         self._degraded = True
         return self._conclude(step, None, verdicts, now, self._decide(step, [Outcome.UNKNOWN] * len(verdicts)))

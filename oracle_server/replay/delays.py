@@ -44,7 +44,7 @@ class Delays:
     def note(self, judged: Judged) -> None:
         """Note a judged step."""
         step, stream = judged.step, judged.step.event.stream
-        if judged.order != "publication" or stream.kind == TICK or stream not in self._ordered:
+        if judged.order != "publication" or stream.kind == TICK or stream not in self._ordered or step.event.row:
             return
         self._events[stream] += 1
         if step.skewed:

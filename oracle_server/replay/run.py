@@ -179,7 +179,7 @@ class Replay:
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
         if event.stream.kind != TICK:
-            self.events += 1
+            self.events += not event.row
             self.lacking.look(recorded)
             if self.recording.clocked:
                 self.units.look(recorded)

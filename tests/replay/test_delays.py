@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -26,10 +27,21 @@ def judged(folder: Path, off: list[int], ordering: str = "max_delay: 100ms", sca
     lines = []
     for n, by in enumerate(off):
         at = BASE + n * 100 * MS
-        lines.append({"stream": "/scan", "stamp": at + by * MS, "arrived": at, "data": {}})
+        data: dict[str, Any] = {"ranges": [{}] * (50 if by else 1)}
+        lines.append({"stream": "/scan", "stamp": at + by * MS, "arrived": at, "data": data})
         lines.append({"stream": "/cmd", "stamp": at + MS, "arrived": at + MS, "data": {"v": 0}})
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     return judge(write_spec(folder, SPEC.format(ordering=ordering, scan=scan)), path)
+
+
+@pytest.mark.parametrize("late", ["judge", "skip"])
+def test_a_message_with_many_rows_is_late_once(tmp_path: Path, late: str) -> None:
+    found = judged(tmp_path, [0] * 8 + [-600] + [0], f"max_delay: 100ms, late: {late}", "each: msg.ranges, ")
+    said = "/scan: 1 of its 10 messages is late, up to 0.5 s behind what was judged before"
+    assert said in found.summary["notes"]
+    assert found.summary["late"] == 1
+    skipped = "1 late event was skipped, and not judged"
+    assert (skipped in found.summary["notes"]) is (late == "skip")
 
 
 def test_a_stream_that_is_late_is_said(tmp_path: Path) -> None:

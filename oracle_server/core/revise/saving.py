@@ -106,7 +106,7 @@ class SavableJudge(RevisingJudge):
             self._restoring = True
             self._tick_again(step, recorded.judged, position)
         elif step.skipped:
-            self.counters.skipped += 1
+            self.counters.skipped += not step.event.row
             self.degrade()
         elif position not in self.keeping.placed:
             if step.event.lost or step.forced:
