@@ -164,10 +164,12 @@ class LegacyConnection:
         run = self._session.share.run
         try:
             value = run(decode_object, text or "")
-            judged = run(self._ingest, monitor, text or "", value)
-            if self._session.oracles is not None:
-                waiting = self._session.oracles.judgement(monitor.name, self._seq)
-                judged = judged if waiting is None else [await waiting]
+            with self._session.judgements.of(monitor.name, self._seq) as judgement:
+                judged = run(self._ingest, monitor, text or "", value)
+                oracles = self._session.oracles
+                asked = oracles is not None and oracles.is_waited_for(monitor.name, self._seq)
+                if asked or judgement.is_cut:
+                    judged = await judgement.whole()
         except (ValueError, TypeError, RecursionError) as error:
             reason = "nested too deep" if isinstance(error, RecursionError) else str(error)
             self._session.refuse(monitor, WireError("bad_event", reason, seq=self._seq))

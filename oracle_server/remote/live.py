@@ -36,7 +36,6 @@ class Oracles:
         """Start a task for each oracle; `deliver` receives the steps that the session judges by the answers."""
         self._core, self._now, self._deliver = core, now, deliver
         self._lines: dict[tuple[Order, int], _Line] = {}
-        self._expected: dict[tuple[str, int], asyncio.Future[Judged]] = {}
         self._progress = asyncio.Event()
         for order in core.judges:
             for index in core.plan.external:
@@ -57,12 +56,10 @@ class Oracles:
         for ask in self._core.take_asks():
             self._lines[ask.order, ask.property].questions.put_nowait((ask, now))
 
-    def judgement(self, monitor: str, seq: int) -> asyncio.Future[Judged] | None:
-        """A future of the judgement of the last event, None where that does not wait for an oracle."""
+    def is_waited_for(self, monitor: str, seq: int) -> bool:
+        """Whether the last event is this one, and waits for an oracle."""
         last = self._core.asking.last if self._core.asking else None
-        if last is None or (last.event.monitor, last.event.seq) != (monitor, seq):
-            return None
-        return self._expected.setdefault((monitor, seq), asyncio.get_running_loop().create_future())
+        return last is not None and (last.event.monitor, last.event.seq) == (monitor, seq)
 
     async def settle(self) -> None:
         """Wait some seconds for the answers, then give up the missing ones, and close the connections."""
@@ -97,10 +94,5 @@ class Oracles:
         return await oracle.ask(ask, since + oracle.timeout)
 
     def _deliver_all(self, judged: list[Judged]) -> None:
-        """Deliver steps, and set the futures that wait for them."""
         self._deliver(judged)
-        for item in judged:
-            expected = self._expected.pop((item.step.event.monitor, item.step.event.seq), None)
-            if expected is not None and not expected.done():
-                expected.set_result(item)
         self._progress.set()

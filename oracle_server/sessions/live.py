@@ -13,7 +13,7 @@ from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.verdicts import Judged, decision_frame
+from oracle_server.core.verdicts import Judged
 from oracle_server.core.weakly import weakly
 from oracle_server.history.port import History
 from oracle_server.history.records import SessionRecord
@@ -25,6 +25,7 @@ from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters, counted
 from oracle_server.sessions.decoding import Decoders
 from oracle_server.sessions.endings import CLOCK_WENT_BACK
+from oracle_server.sessions.judgements import Judgements
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.presence import Presence
@@ -61,6 +62,7 @@ class LiveSession:
         self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
         self.presence = Presence(record, self.monitors, clock, self.spec.close_after, weakly(self._close_for))
+        self.judgements = Judgements()
         self.oracles: Oracles | None = None
         if core.asking is not None:
             deliver = weakly(self._deliver)
@@ -367,15 +369,13 @@ class LiveSession:
             self._history.begin_session(self.number, self.core.begun)
         for item in judged:
             if item.decision:
-                monitor = self.monitors[item.step.event.monitor]
-                seq, verdicts = item.step.event.seq, {v.property: v.outcome for v in item.verdicts}
-                decision = monitor.decisions[seq] = decision_frame(seq, item.decision, verdicts)
-                if monitor.outbox and not (self.core.suspended and self._history.adrift):
-                    monitor.outbox.send(decision)
+                kept = not (self.core.suspended and self._history.adrift)
+                self.monitors[item.step.event.monitor].decide(item, item.decision, send=kept)
                 self._counters.decisions.add(self.clock.now() - item.step.event.came)
         if self.oracles is not None:
             self.oracles.ask()
         if judged:
+            self.judgements.note(judged)
             self.ledger.add(judged)
         for name, events in self.credit.grant(self.core.buffer):
             if outbox := self.monitors[name].outbox:

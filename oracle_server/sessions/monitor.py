@@ -12,7 +12,7 @@ from oracle_server.core.kinds import NOUNS
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import Spec
-from oracle_server.core.verdicts import DecisionFrame
+from oracle_server.core.verdicts import Decision, DecisionFrame, Judged, decision_frame
 from oracle_server.history.records import MonitorRecord
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import Outgoing
@@ -100,6 +100,13 @@ class Monitor:
         self.instance, self.outbox, self.streams, self.detaching = wanted.instance, outbox, streams, False
         self.clock, self.verdicts = wanted.clock, wanted.verdicts
         self.revisions, self.episodes = REVISIONS in wanted.features, EPISODES in wanted.features
+
+    def decide(self, judged: Judged, decision: Decision, *, send: bool) -> None:
+        """Keep the decision on an event, for when that is sent again, and send it."""
+        seq = judged.step.event.seq
+        frame = self.decisions[seq] = decision_frame(seq, decision, {v.property: v.outcome for v in judged.verdicts})
+        if self.outbox and send:
+            self.outbox.send(frame)
 
     def record(self) -> MonitorRecord:
         """A copy of what the history keeps of it."""

@@ -15,10 +15,10 @@ import pytest
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
-from oracle_server.core.verdicts import Judged
 from oracle_server.engines.table import make_engines
 from oracle_server.remote import oracle
 from oracle_server.remote.live import Oracles as Live
+from oracle_server.sessions.judgements import Judgements
 from oracle_server.specfiles.load import parse_spec
 from tests.remote.conftest import Director, Oracles, spec
 from tests.whole.harness import PATIENCE, run
@@ -30,15 +30,16 @@ class Asked:
     def __init__(self, url: str) -> None:
         ready = plan(parse_spec(spec("x", url), "x.yaml").spec)
         self._core = Session(ready, make_engines(ready))
-        self.oracles = Live(self._core, time.time_ns, lambda _: None)
+        self._judgements = Judgements()
+        self.oracles = Live(self._core, time.time_ns, self._judgements.note)
 
     async def judged(self, seq: int) -> str:
         """What is said of an event."""
-        self._core.ingest(Event(StreamKey("/a", "topic"), "m", seq, None, time.time_ns(), {"v": 1}))
-        self.oracles.ask()
-        waiting = self.oracles.judgement("m", seq)
-        assert waiting is not None
-        judged: Judged = await asyncio.wait_for(waiting, PATIENCE)
+        with self._judgements.of("m", seq) as judgement:
+            self._core.ingest(Event(StreamKey("/a", "topic"), "m", seq, None, time.time_ns(), {"v": 1}))
+            self.oracles.ask()
+            assert self.oracles.is_waited_for("m", seq)
+            (judged,) = await asyncio.wait_for(judgement.whole(), PATIENCE)
         return judged.verdicts[0].outcome.value
 
 
