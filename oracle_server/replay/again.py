@@ -24,6 +24,12 @@ class Again:
     def judge(self, position: int, place: Place, step: Step) -> list[Judged]:
         """Judge a row."""
         session = self._session
+        if place.order not in session.judges:
+            raise TraceError(
+                f"the first event of the recording was judged by {''.join(session.judges)} alone, and others by "
+                f"{place.order}: the recording was taken before all was judged that had come; use --by to judge the "
+                "recorded events afresh"
+            )
         if not self._begun and position > 1:
             raise TraceError(
                 f"the session's first steps are not in the recording, which begins with step {position}, so that its "

@@ -22,16 +22,17 @@ async def trace_lines(history: Reading, session: int) -> AsyncGenerator[list[Doc
     async with aclosing(history.by_arrival(session)) as pages:
         async for page in pages:
             yield await history.in_thread(partial(lines.take, page))
-    if lines.last is not None:
-        yield [lines.last]
+    if lines.open:
+        yield lines.close()
 
 
 class _Lines:
-    """The lines of steps that come by arrival: all steps of an event make one line."""
+    """The lines of steps that come by arrival: all steps of an event make one line, or one for each of its rows."""
 
     def __init__(self, opened: SessionRecord | None, external: dict[int, str]) -> None:
-        self.last: Document | None = None
-        """The last line, which further steps may belong to."""
+        self.open: dict[int | None, Document] = {}
+        """The lines of the last event, by its rows, to which further steps may belong."""
+        self._event = "", 0
         self._external = external
         self._begun = None if opened is None else opened.begun
         self._properties = () if opened is None else opened.properties
@@ -40,21 +41,26 @@ class _Lines:
         """The lines that are complete with the next steps."""
         complete = []
         for stored in page:
-            if self.last is None or stored.is_tick or not _is_of(self.last, stored):
-                if self.last is not None:
-                    complete.append(self.last)
-                self.last = event_line(stored) | ({} if self._begun is None else {"begun": self._begun})
+            event = stored.step.event
+            if stored.is_tick or self._event != (event.monitor, event.seq):
+                complete += self.close()
+                self._event = (event.monitor, event.seq)
+            line = self.open.get(event.row)
+            if line is None:
+                line = self.open[event.row] = event_line(stored) | (
+                    {} if self._begun is None else {"begun": self._begun}
+                )
                 self._begun = None
-            self.last["places"].append(_place(stored, self._external, self._properties))
+            line["places"].append(_place(stored, self._external, self._properties))
             if stored.order == "publication":
-                self.last |= {"passed": stored.passed, "why": stored.why}
-            self.last |= _decided(stored)
+                line |= {"passed": stored.passed, "why": stored.why}
+            line |= _decided(stored)
         return complete
 
-
-def _is_of(line: Document, stored: StoredStep) -> bool:
-    event = stored.step.event
-    return (line["monitor"], line["seq"], line.get("row")) == (event.monitor, event.seq, event.row)
+    def close(self) -> list[Document]:
+        """The lines of the last event, to which nothing more belongs."""
+        found, self.open = [*self.open.values()], {}
+        return found
 
 
 def event_line(stored: StoredStep) -> Document:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from oracle_server.core.errors import TraceError
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
@@ -17,6 +19,7 @@ from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.review.trace import trace_lines
 from tests.history.making import find
 from tests.processes import PATIENCE
+from tests.replay.judging import judge, write_spec
 from tests.review.test_restore import TIMES, Served
 from tests.sessions.making import event
 
@@ -94,6 +97,32 @@ async def test_a_server_that_ends_after_each_event_judges_as_one_that_goes_on(
         assert again[:2] == plain[:2]
         rows = [(r["seq"], r["row"]) for r in plain[0] if "row" in r and r["property"] == "b_before"]
         assert sorted(set(rows)) == [(1, 0), (1, 1), (1, 2), (5, 0), (7, 0), (7, 1), (7, 2), (8, 0), (8, 1)]
+
+
+@pytest.mark.parametrize(
+    ("by", "late"), [("arrival", "judge"), ("publication", "skip"), ("publication", "revise"), ("both", "judge")]
+)
+async def test_a_trace_has_each_row_once_and_is_judged_as_the_session_was(tmp_path: Path, by: str, late: str) -> None:
+    records, _, lines = await judged(tmp_path / "live", by, late, MemoryHistory(), restarted=False, saved=False)
+    found = [(line["monitor"], line["seq"], line.get("row")) for line in lines]
+    assert len(found) == len(set(found)) == 12
+    path = tmp_path / "own.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    again = judge(write_spec(tmp_path, SPEC.replace("LATE", late).replace("BY", by)), path)
+    assert again.summary["events"] == len(SENT)
+    names = ("n", "order", "property", "outcome", "seq", "row", "late", "degraded")
+    assert [[row.get(name) for name in names] for row in again.rows] == [
+        [record.get(name) for name in names] for record in records
+    ]
+
+
+async def test_a_trace_whose_first_event_lacks_an_order_is_refused_in_words(tmp_path: Path) -> None:
+    _, _, lines = await judged(tmp_path / "live", "both", "judge", MemoryHistory(), restarted=False, saved=False)
+    lines[0]["places"] = [place for place in lines[0]["places"] if place["order"] == "arrival"]
+    path = tmp_path / "own.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(TraceError, match="judged by arrival alone, and others by publication: .* use --by"):
+        judge(write_spec(tmp_path, SPEC.replace("LATE", "judge").replace("BY", "both")), path)
 
 
 async def test_no_part_of_an_event_is_kept_while_its_other_rows_wait(tmp_path: Path) -> None:
