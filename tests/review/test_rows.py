@@ -121,7 +121,7 @@ async def test_a_trace_whose_first_event_lacks_an_order_is_refused_in_words(tmp_
     lines[0]["places"] = [place for place in lines[0]["places"] if place["order"] == "arrival"]
     path = tmp_path / "own.jsonl"
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    with pytest.raises(TraceError, match="judged by arrival alone, and others by publication: .* use --by"):
+    with pytest.raises(TraceError, match=r"judged by arrival alone, and others by publication: .* use --by"):
         judge(write_spec(tmp_path, SPEC.replace("LATE", "judge").replace("BY", "both")), path)
 
 
