@@ -18,6 +18,7 @@ from oracle_server.core.expression import (
     WANTED,
     Absent,
     Expression,
+    absent_at_an_element,
     parse_expression,
     reason,
     told,
@@ -124,7 +125,8 @@ class RowProjection(Projection):
         try:
             found = each.code.run(fields, each.frame(MAX_STEPS))
         except Absent:
-            return []
+            lacking = absent_at_an_element(each, fields, MAX_STEPS)
+            return [] if lacking is None else f"`each`: {lacking}"
         except Exception:  # noqa: BLE001 no fault of an expression's evaluation ends a session
             return reason(each, fields, MAX_STEPS)
         if found is None:

@@ -52,8 +52,8 @@ class Lacking:
 
     def _has_all_signals(self, stream: StreamKey, data: Mapping[str, object]) -> bool:
         """Whether a message has all signals none the less, as where expressions ask by `has(…)` what is there."""
-        signals, _ = self._ready.streams[stream].project(data)
-        return self._signals[stream] <= signals.keys()
+        project = self._ready.streams[stream].project
+        return all(self._signals[stream] <= signals.keys() for signals, _ in project.rows(data) or [project(data)])
 
     def doubts(self) -> Iterator[str]:
         """What is to be said of each stream, a line each."""

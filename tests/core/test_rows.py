@@ -205,6 +205,26 @@ def test_what_can_not_be_divided_is_unknown_and_says_why(message: Any, reason: s
     assert project.reasons(message) == {"k": reason, "v": reason}
 
 
+@pytest.mark.parametrize(
+    ("each", "lacks"),
+    [
+        ("msg.list.filter(x, x.ok)", "x.ok"),
+        ("msg.list.filter(x, x.of.ok)", "x.of"),
+        ("msg.list.map(x, x.ok, x.of)", "x.ok"),
+        ("msg.list.map(x, x.ok).filter(y, y)", "x.ok"),
+    ],
+)
+def test_a_message_is_not_let_go_for_what_an_element_lacks(each: str, lacks: str) -> None:
+    project = RowProjection({"k": "item.k"}, each)
+    message: dict[str, Any] = {"list": [{"k": "bad", "ok": True, "of": {"ok": True}}, {"k": "b"}]}
+    assert not project.rows(message)
+    assert project(message) == ({}, frozenset("k"))
+    assert project.reasons(message) == {"k": f"`each`: {lacks} is absent at an element"}
+    blank: list[dict[str, Any]] = [{}, {"list": None}, {"list": []}]
+    for none in blank:
+        assert project(none) == ({}, frozenset())
+
+
 def test_an_element_that_fails_is_unknown_alone() -> None:
     project = RowProjection({"k": "item.k + 1", "i": "index"}, "msg.list")
     message = {"list": [{"k": 1}, {"k": "x"}, {}, 7]}

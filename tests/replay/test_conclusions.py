@@ -349,3 +349,16 @@ def test_a_stream_without_signals_does_not_lack_what_others_declare(type_: str, 
     assert run_replay([write_spec(tmp_path, spec)], events, None, "text", strict=True) == 0
     lacking = trace(tmp_path, ("/stop", {}), ("/cmd", {"v": 1}))
     assert run_replay([write_spec(tmp_path, spec)], lacking, None, "text", strict=True) != 0
+
+
+def test_a_message_whose_rows_have_all_signals_lacks_nothing(tmp_path: Path) -> None:
+    each, signals = "each: msg.name, ", "{joint: 'item', effort: 'has(msg.effort) ? msg.effort[index] : 0.0'}"
+    spec = "id: s\nstreams:\n  - {topic: /js, type: sensor_msgs/msg/JointState, EACHsignals: SIGNALS}\n"
+    spec += "properties:\n  - {id: p, formula: 'not {effort > 1}'}\n"
+    recording = trace(tmp_path, ("/js", {"name": ["a", "b"], "position": [1.0, 2.0], "velocity": [1.0, 2.0]}))
+    for rows in (False, True):
+        own = signals if rows else signals.replace("item", "msg.name[0]").replace("index", "0")
+        text = spec.replace("EACH", each if rows else "").replace("SIGNALS", own)
+        assert run_replay([write_spec(tmp_path, text)], recording, None, "text", strict=True) == 0
+    lacking = spec.replace("EACH", each).replace("SIGNALS", "{joint: 'item', effort: 'msg.effort[index]'}")
+    assert run_replay([write_spec(tmp_path, lacking)], recording, None, "text", strict=True) == 3

@@ -13,7 +13,7 @@ from oracle_server.core.expression.cost import MAX_ROWS, MAX_STEPS
 from oracle_server.core.expression.expression import Expression, FieldPath, parse_expression, read, too_dear
 from oracle_server.core.expression.parse import KEYWORDS
 from oracle_server.core.expression.patterns import MAX_PATTERNS
-from oracle_server.core.expression.reasons import WANTED, reason, told
+from oracle_server.core.expression.reasons import WANTED, absent_at_an_element, reason, told
 from oracle_server.core.expression.results import is_always_there, results
 from oracle_server.core.expression.static import no_field
 from oracle_server.core.expression.stops import Absent, Failed
@@ -31,6 +31,7 @@ __all__ = [
     "FieldPath",
     "Literal",
     "Problem",
+    "absent_at_an_element",
     "check_rows",
     "check_shape",
     "is_always_there",

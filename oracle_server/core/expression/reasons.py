@@ -31,6 +31,21 @@ def reason(expression: Expression, message: Mapping[str, Any], steps: int, row: 
     return f"{_short(expression.text)} is {told(value)}, {WANTED}"
 
 
+def absent_at_an_element(expression: Expression, message: Mapping[str, Any], steps: int) -> str | None:
+    """Where an expression is absent: what an element of a comprehension lacks, None where no comprehension does."""
+    loops = [node for node in tree.walk(expression.tree) if isinstance(node, tree.Loop)]
+    bodies = [body for loop in loops for body in (loop.body, loop.when) if body is not None]
+    if not bodies:
+        return None
+    try:
+        expression.traced.run(message, expression.frame(steps))
+    except Absent as stop:
+        node = stop.node or expression.tree
+        if any(body.start <= node.start and node.end <= body.end for body in bodies):
+            return f"{_snippet(expression.text, node)} is absent at an element"
+    return None
+
+
 def told(value: Any) -> str:
     """A value in a few words."""
     if isinstance(value, str):
