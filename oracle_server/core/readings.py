@@ -15,9 +15,8 @@ def lacking(shape: Shape | None, path: FieldPath) -> str:
                 return no_field(shape, name)
             shape = shape.fields[name]
         elif isinstance(shape, Many):
-            return (
-                f"{before} is a list, and has no field '{name}'; name one of its items, as in `{'.'.join(path[:i])}[0]`"
-            )
+            left_out = "leave `stamp` out, and the time that the middleware knows counts"
+            return f"{before} is a list, and a stamp names no item of one; {left_out}"
         elif shape is not None:
             return f"{before} is of the type {shape.type}, and has no field '{name}'"
     return ""
