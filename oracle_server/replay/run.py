@@ -64,6 +64,7 @@ class Replay:
         self.strict, self.warnings = strict, tuple(warnings)
         self.spec, self.asked_by = in_order(spec, by), spec.ordering.by
         self.events = 0
+        self._last: tuple[str, int] | None = None
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
         self.comparison = Comparison(orders(self.spec)[0])
@@ -179,7 +180,9 @@ class Replay:
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
         if event.stream.kind != TICK:
-            self.events += not event.row
+            if event.row is None or (event.monitor, event.seq) != self._last:  # rows of one event follow each other
+                self.events += 1
+            self._last = event.monitor, event.seq
             self.lacking.look(recorded)
             if self.recording.clocked:
                 self.units.look(recorded)

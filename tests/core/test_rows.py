@@ -245,3 +245,20 @@ def test_all_rows_of_an_event_share_one_bound() -> None:
     assert project.rows(few) == [({"n": 1000}, frozenset())]
     assert all(failed == {"n"} for _, failed in project.rows(many))
     assert "costs more than" in project.reasons(many)["n"]
+
+
+def test_a_late_event_counts_once() -> None:
+    streams = (StreamSpec("/tf", signals={"k": "item.k"}, each="msg.list"), StreamSpec("/other", signals={}))
+    for late in ("judge", "skip", "revise"):
+        session = open_session(
+            [PROPERTIES[0]], attach={"m": [TF], "n": [OTHER]}, streams=streams, maker=made, late=late, horizon=500
+        )
+        session.ingest(Event(OTHER, "n", 1, 1000, 1000, {}))
+        session.advance(1000 + 2 * MAX_DELAY)
+        session.ingest(Event(TF, "m", 1, 900, 1000 + 2 * MAX_DELAY, {"list": [{"k": "a"}] * 5}))
+        session.finish(10**9)
+        counters = session.judges["publication"].counters
+        assert (session.counts["m", TF].late, counters.late) == (1, 1), late
+        assert counters.skipped == (late == "skip")
+        if session.lateness is not None:
+            assert (session.lateness.placed, session.lateness.beyond) == (1, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
@@ -83,8 +83,8 @@ class Lateness:
     def _begin(self, now: int) -> list[Judged]:
         late, self._waiting, self.due = self._waiting, [], None
         placed = [step for step in late if self.judge.has_place(step)]
-        self.placed += len(placed)
-        self.beyond += len(late) - len(placed)
+        self.placed += _events(placed)
+        self.beyond += _events(late) - _events(placed)
         outputs: list[Judged] = []
         if len(placed) < len(late):
             self.judge.degrade()
@@ -95,3 +95,8 @@ class Lateness:
             self.passes += 1
             self.judge.place(placed)
         return outputs
+
+
+def _events(steps: Iterable[Step]) -> int:
+    """How many events steps are of: of those with rows the first one counts."""
+    return sum(not step.event.row for step in steps)
