@@ -2,28 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
+from itertools import combinations
 
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Atom, Constraint, Exists, Forall, Formula, Ref, Relation, children
+from oracle_server.core.formula.tree import (
+    And,
+    Atom,
+    Constraint,
+    Exists,
+    Forall,
+    Formula,
+    Op,
+    Ref,
+    Relation,
+    children,
+    walk,
+)
 from oracle_server.core.joins import Use, possible
 from oracle_server.core.misfits import Doubt, described, range_at
 from oracle_server.core.places import Place
 from oracle_server.core.ranges import NUMBER, Range
 
+_WAYS: Mapping[Op, frozenset[str]] = {
+    "<": frozenset("<"), "<=": frozenset("<="), "==": frozenset("="), "!=": frozenset("<>!"), ">": frozenset(">"),
+    ">=": frozenset(">="),
+}  # fmt: skip
+"""How two values can be where they compare so: `!` is for those that have no order, and differ."""
+_MOST = 50
+"""Relations of one conjunction that are held against each other."""
+_FLIPPED: Mapping[Op, Op] = {"<": ">", "<=": ">=", "==": "==", "!=": "!=", ">": "<", ">=": "<="}
+
 
 def unrelated(formula: Formula, places: Sequence[Place]) -> Iterator[Doubt]:
-    """The relations that hold for none of the values that events can bind their variables to, or for all."""
+    """The relations that hold for none of the values that events can bind their variables to, alone or with others.
+
+    Also those that hold for all.
+    """
+    told: set[int] = set()
     for relation, uses in _relations(formula):
         ranges = {name: found for name in relation.variables if (found := _range(uses[name], places)) is not None}
         if len(ranges) < len(relation.variables):
             continue
         never = _never(relation, ranges)
         if never:
+            told.add(id(relation))
             yield Doubt("unrelated", relation, f"`{render(relation)}` never holds: {never}", relation.at)
         elif _always(relation, ranges):
-            told = " and ".join(f"`*{name}` is always {described(found)}" for name, found in ranges.items())
-            yield Doubt("related", relation, f"`{render(relation)}` always holds: {told}", relation.at)
+            always = " and ".join(f"`*{name}` is always {described(found)}" for name, found in ranges.items())
+            yield Doubt("related", relation, f"`{render(relation)}` always holds: {always}", relation.at)
+    yield from _contradictions(formula, places, told)
+
+
+def _contradictions(formula: Formula, places: Sequence[Place], told: Set[int]) -> Iterator[Doubt]:
+    """Pairs of relations between the same, joined by `and`, of which each may hold, and not both."""
+    scopes = {id(relation): uses for relation, uses in _relations(formula)}
+    for found in _conjunctions(formula):
+        relations = [relation for relation in found if id(relation) not in told]
+        for one, other in combinations(relations[:_MOST], 2):
+            uses = scopes[id(one)]
+            if {*one.variables} == {*other.variables} and not _hold_together(one, other, uses, places):
+                told = {*told, id(one), id(other)}
+                both = And(one, other)
+                text = f"`{render(one)}` and `{render(other)}` never hold together"
+                yield Doubt("unrelated", both, text, other.at)
+
+
+def _conjunctions(formula: Formula) -> Iterator[list[Relation]]:
+    """The relations that are joined by `and`, those of each whole conjunction together."""
+    inner = set[int]()
+    for part in walk(formula):  # the whole comes before its parts
+        if isinstance(part, And) and id(part) not in inner:
+            stack, found = [part.right, part.left], list[Relation]()
+            while stack:
+                node = stack.pop()
+                if isinstance(node, And):
+                    inner.add(id(node))
+                    stack += [node.right, node.left]
+                elif isinstance(node, Relation):
+                    found.append(node)
+            yield found
+
+
+def _hold_together(one: Relation, other: Relation, uses: Mapping[str, Sequence[Use]], places: Sequence[Place]) -> bool:
+    """Whether both may hold for the same values."""
+    (name, *rest) = one.variables
+    if rest:
+        flipped = _FLIPPED[other.op] if one.left != other.left else other.op
+        return not _WAYS[one.op].isdisjoint(_WAYS[flipped])
+    found = _range(uses[name], places)
+    limits = [Constraint(name, relation.op, relation.right) for relation in (one, other)]
+    return found is None or found.meets(limits)
 
 
 def _relations(formula: Formula) -> list[tuple[Relation, Mapping[str, list[Use]]]]:

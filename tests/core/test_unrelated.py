@@ -28,13 +28,23 @@ def some_relation(rng: random.Random) -> tree.Formula:
     if rng.random() < 0.5:
         value = rng.choice((-129, 0, 1, 255, 256, 7.5, "A", True))
         ops = OPS if isinstance(value, int | float) and value is not True else OPS[4:]
-        return tree.Forall("x", tree.Implies(one, Relation(Ref("x"), rng.choice(ops), value)))
-    related = Relation(Ref("x"), rng.choice(OPS), Ref("y"))
+        relation: tree.Formula = Relation(Ref("x"), rng.choice(ops), value)
+        if rng.random() < 0.5:
+            relation = tree.And(relation, Relation(Ref("x"), rng.choice(OPS), rng.choice((0, 1, 7.5, 255, -129))))
+        return tree.Forall("x", tree.Implies(one, relation))
+    related: tree.Formula = Relation(Ref("x"), rng.choice(OPS), Ref("y"))
+    if rng.random() < 0.5:
+        sides = [Ref("x"), Ref("y")]
+        rng.shuffle(sides)
+        related = tree.And(related, Relation(sides[0], rng.choice(OPS), sides[1]))
     return tree.Forall("x", tree.Forall("y", tree.Implies(tree.And(one, tree.Once(other)), related)))
 
 
-def holds(relation: Relation, values: dict[str, Scalar]) -> bool:
-    """Whether it does for these values of variables."""
+def holds(relation: tree.Formula, values: dict[str, Scalar]) -> bool:
+    """Whether it does for these values of variables, or both of two."""
+    if isinstance(relation, tree.And):
+        return holds(relation.left, values) and holds(relation.right, values)
+    assert isinstance(relation, Relation)
     left, right = (values[side.name] if isinstance(side, Ref) else side for side in (relation.left, relation.right))
     if relation.op in ("==", "!="):
         return same(left, right) is (relation.op == "==")
@@ -52,7 +62,7 @@ def bound(formula: tree.Formula, steps: list[TimedSignals]) -> dict[str, list[Sc
 
 
 def test_what_is_warned_of_is_so() -> None:
-    told = {"related": 0, "unrelated": 0}
+    told = {"related": 0, "unrelated": 0, "both": 0}
     for number in range(CASES):
         rng = random.Random(f"related {number}")
         spec, types = some_spec(rng, "steps")
@@ -61,9 +71,11 @@ def test_what_is_warned_of_is_so() -> None:
         spec = replace(spec, properties=(replace(prop, formula=formula),))
         found: list[Doubt] = list(unrelated(formula, places(spec, "steps", types)))
         for doubt in found:
-            told[doubt.claim] += 1
-            assert isinstance(doubt.part, Relation)
-            names = doubt.part.variables
+            two = isinstance(doubt.part, tree.And)
+            told["both" if two else doubt.claim] += 1
+            relation = doubt.part.left if isinstance(doubt.part, tree.And) else doubt.part
+            assert isinstance(relation, Relation)
+            names = relation.variables
             for _ in range(4):
                 values = bound(formula, some_trace(rng, spec, types, 12)[0])
                 for chosen in product(*(values[name] for name in names)):
