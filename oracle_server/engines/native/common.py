@@ -146,7 +146,7 @@ class _Share:
         own = [key[p] for p in self.places]
         _, rest = self._divided(own)
         row = self._rows.get(rest)
-        missing = texts if row is None else [text for text in texts if text not in row.values]
+        missing = texts if row is None else set(texts).difference(row.values)
         if missing and self._make_room(len(missing)):
             missing = texts
         for text in missing:
