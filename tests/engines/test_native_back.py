@@ -18,7 +18,7 @@ from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, holds, matches
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "1000"))
+CASES = int(os.environ.get("CASES", "500"))
 
 
 def judge(engine: NativeEngine, formula: Formula, steps: Sequence[TimedSignals]) -> list[Outcome]:
