@@ -29,7 +29,7 @@ from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
 from oracle_server.replay.episodes import Episodes
 from oracle_server.replay.lacking import Lacking
-from oracle_server.replay.recording import Place, Recorded, Recording
+from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 from oracle_server.replay.settling import Handling, Settling
 from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
@@ -322,6 +322,6 @@ def in_order(spec: Spec, by: By | None) -> Spec:
 
 
 def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], frozenset[str]]:
-    if event.stream.kind == TICK:
-        return {}, frozenset()
+    if event.stream.kind == TICK:  # which may be of one key of a derived signal
+        return event.data if isinstance(event.data, Projected) else ({}, frozenset())
     return session.plan.streams[event.stream].project(event.data)
