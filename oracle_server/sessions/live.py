@@ -326,6 +326,7 @@ class LiveSession:
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
         monitor.attached, monitor.left = attached, None if attached else self.clock.now()
         self.presence.note()
+        self.share.set_awaited(awaited=any(m.attached for m in self.monitors.values()))
         self._history.set_monitor(self.number, monitor.record())
 
     def _close_for(self, reason: str) -> None:
@@ -389,9 +390,8 @@ class LiveSession:
             return
         if self._timer:
             self._timer.cancel()
-        loop = asyncio.get_running_loop()
         delay = self.share.rest if self.core.is_behind else max(0, deadline - self.clock.now()) / 10**9
-        self._armed, self._timer = deadline, loop.call_later(delay, self.share.run, self._tick)
+        self._armed, self._timer = deadline, asyncio.get_running_loop().call_later(delay, self.share.run, self._tick)
 
     def _tick(self) -> None:
         if self._timer:

@@ -55,6 +55,10 @@ class Shares:
         self._active[share] = now
         self._active.move_to_end(share)
 
+    def leave(self, share: Share) -> None:
+        """Note that a session is not active any more."""
+        self._active.pop(share, None)
+
     def others(self, share: Share, now: float) -> int:
         """How many sessions are active beside one."""
         active = self._active
@@ -76,6 +80,7 @@ class Share:
         self._inner = 0.0
         self._began: float | None = None
         """What the processor had spent when its present turn began; None between two."""
+        self._awaited = True
 
     def run(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         """Do some of the session's work now, and charge it, also where it fails."""
@@ -84,6 +89,12 @@ class Share:
     def run_for_server(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         """Do what the server itself wants of the session: a single large piece is charged like many small ones."""
         return self._run(0, work, *args)
+
+    def set_awaited(self, *, awaited: bool) -> None:
+        """Whether anybody waits for what the session does: for one that has no monitors others need not rest."""
+        self._awaited = awaited
+        if not awaited:
+            self._shares.leave(self)
 
     def is_over(self) -> bool:
         """Whether its present turn has taken what it may take at once."""
@@ -120,7 +131,8 @@ class Share:
     def _charge(self, took: float, rare: int) -> None:
         shares, now = self._shares, self._shares.clock()
         others = shares.others(self, now - took)  # none of them could do anything meanwhile
-        shares.touch(self, now)
+        if self._awaited:
+            shares.touch(self, now)
         passed, self._at = now - self._at, now
         self._owed = max(-_SAVED, self._owed - passed)
         if not others:

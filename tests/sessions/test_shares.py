@@ -54,6 +54,19 @@ def test_a_session_whose_others_were_last_active_long_ago_never_rests(shares: Sh
     assert alone.rest == 0
 
 
+def test_a_session_rests_for_none_that_nobody_waits_for(shares: Shares, machine: Machine) -> None:
+    gone, one = shares.share(), shares.share()
+    run(gone, machine, 0.5)
+    gone.set_awaited(awaited=False)
+    run(gone, machine, 0.5)  # it is written, and closed
+    run(one, machine, 0.5)
+    assert one.rest == 0
+    gone.set_awaited(awaited=True)
+    run(gone, machine, 1e-6)
+    run(one, machine, 0.5)
+    assert one.rest > 0
+
+
 @pytest.mark.parametrize(("number", "times"), [(1, 1), (2, 2), (3, 3), (4, 3), (500, 3)])
 def test_beside_others_it_rests_until_its_share_is_one_of_as_many_and_a_quarter_at_least(
     shares: Shares, machine: Machine, number: int, times: int
