@@ -159,13 +159,16 @@ class Replay:
 
     def _in_recorded_order(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[list[Judged]]:
         """Judge steps by their recorded positions, each once all events that arrived before it are read."""
-        used = {place.order for place in first.places}
+        leading = [first]
+        while leading[-1].event.stream.kind == TICK and (following := next(rest, None)) is not None:
+            leading.append(following)  # a tick is of one order, and an event tells which there are
+        used = {place.order for recorded in leading for place in recorded.places}
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
         session = self._session = self._open(first.begun)
         again = Again(session)
         waiting: list[tuple[int, Place, Step]] = []
-        for recorded in itertools.chain((first,), rest):
+        for recorded in itertools.chain(leading, rest):
             event = self._take(recorded)
             while waiting and waiting[0][1].judged < event.arrived:
                 yield again.judge(*heapq.heappop(waiting))

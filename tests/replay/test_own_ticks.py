@@ -1,4 +1,4 @@
-"""A session's own trace has ticks that are of one key of a derived signal: they are judged again as they were."""
+"""Ticks of a session's own trace are judged again as they were: those of one key, and those before all events."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SENT = [(0, {"name": "a", "val": 5}), (300, {"name": ["no"], "val": 3}), (800, {
         (1600, {"name": "b", "val": 1})]  # fmt: skip
 
 
-def place(position: int, at: int) -> list[dict[str, Any]]:
-    return [{"position": position, "order": "arrival", "judged": BASE + at * MS}]
+def place(position: int, at: int, order: str = "arrival") -> list[dict[str, Any]]:
+    return [{"position": position, "order": order, "judged": BASE + at * MS}]
 
 
 def test_they_are_what_they_were(tmp_path: Path) -> None:
@@ -49,3 +49,27 @@ def test_they_are_what_they_were(tmp_path: Path) -> None:
         found.append([(row["n"], row["kind"], row["outcome"], row["violation"]) for row in rows])
     assert found[0] == found[1]
     assert (4, "tick", "currently_false", True) in found[1]
+
+
+def test_what_comes_before_the_first_event_tells_of_one_order_alone(tmp_path: Path) -> None:
+    """Nothing is heard for 0.3 s, which is missed by arrival, and then by publication."""
+    spec = SPEC.split("derive:", maxsplit=1)[0].replace("arrival", "both")
+    spec += "properties:\n  - {id: lives, formula: 'once[:300ms] {topic: /x}', time: seconds}\n"
+    at = {"stamp": BASE + 300 * MS, "arrived": BASE + 300 * MS}
+    tick = {"stream": "", "kind": "tick", "monitor": "", "seq": 1, "signals": {}, "failed": []} | at
+    event = {"stream": "/x", "monitor": "m", "seq": 1, "signals": {"val": 1}, "failed": []}
+    event |= {"stamp": BASE + 600 * MS, "arrived": BASE + 600 * MS}
+    lines = [
+        tick | {"begun": BASE, "places": place(1, 300)},
+        tick | {"places": place(2, 330, "publication")},
+        event | {"places": [*place(3, 600), *place(4, 630, "publication")]},
+    ]
+    path = tmp_path / "own.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    rows = judge(write_spec(tmp_path, spec), path).rows
+    assert [(row["n"], row["order"], row["kind"], row["outcome"]) for row in rows] == [
+        (1, "arrival", "tick", "currently_false"),
+        (2, "publication", "tick", "currently_false"),
+        (3, "arrival", "topic", "currently_true"),
+        (4, "publication", "topic", "currently_true"),
+    ]
