@@ -140,8 +140,8 @@ class _Share:
         return found
 
     def row(self, key: Sequence[Any], place: int, texts: Collection[str]) -> _Row | None:
-        """What is known of texts at a place, beside those of a key; None where that is kept in another way."""
-        if place != self.places[self._many]:
+        """What is known of texts at a place, beside those of a key; None where that is not kept so, or too much."""
+        if place != self.places[self._many] or len(texts) > _MOST:
             return None
         own = [key[p] for p in self.places]
         _, rest = self._divided(own)
