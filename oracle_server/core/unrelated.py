@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import combinations
 
+from oracle_server.core.formula.misatom import TURNED
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import (
     And,
@@ -13,7 +14,6 @@ from oracle_server.core.formula.tree import (
     Exists,
     Forall,
     Formula,
-    Op,
     Ref,
     Relation,
     children,
@@ -24,20 +24,19 @@ from oracle_server.core.misfits import Doubt, described, range_at
 from oracle_server.core.places import Place
 from oracle_server.core.ranges import NUMBER, Range
 
-_WAYS: Mapping[Op, frozenset[str]] = {
+_WAYS: Mapping[str, frozenset[str]] = {
     "<": frozenset("<"), "<=": frozenset("<="), "==": frozenset("="), "!=": frozenset("<>!"), ">": frozenset(">"),
     ">=": frozenset(">="),
 }  # fmt: skip
 """How two values can be where they compare so: `!` is for those that have no order, and differ."""
 _MOST = 50
 """Relations of one conjunction that are held against each other."""
-_FLIPPED: Mapping[Op, Op] = {"<": ">", "<=": ">=", "==": "==", "!=": "!=", ">": "<", ">=": "<="}
 
 
 def unrelated(formula: Formula, places: Sequence[Place]) -> Iterator[Doubt]:
-    """The relations that hold for none of the values that events can bind their variables to, alone or with others.
+    """The relations that hold for none of the values that events can bind their variables to, or for all.
 
-    Also those that hold for all.
+    Also two that are joined by `and`, and hold together for none.
     """
     told: set[int] = set()
     for relation, uses in _relations(formula):
@@ -88,8 +87,8 @@ def _hold_together(one: Relation, other: Relation, uses: Mapping[str, Sequence[U
     """Whether both may hold for the same values."""
     (name, *rest) = one.variables
     if rest:
-        flipped = _FLIPPED[other.op] if one.left != other.left else other.op
-        return not _WAYS[one.op].isdisjoint(_WAYS[flipped])
+        op = other.op if one.left == other.left else TURNED.get(other.op, other.op)
+        return not _WAYS[one.op].isdisjoint(_WAYS[op])
     found = _range(uses[name], places)
     limits = [Constraint(name, relation.op, relation.right) for relation in (one, other)]
     return found is None or found.meets(limits)
