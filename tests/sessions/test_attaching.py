@@ -7,6 +7,7 @@ from pathlib import Path
 
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import SessionRecord
+from oracle_server.sessions.shares import Shares
 from tests.sessions.making import GUARD, Kept, attach, registry
 
 
@@ -35,3 +36,23 @@ async def test_a_monitor_joins_the_session_that_another_opens_while_it_is_looked
     joined, monitor = await first
     assert joined is live
     assert monitor.name == "one"
+
+
+async def test_others_rest_for_a_session_while_it_has_monitors(tmp_path: Path) -> None:
+    shares = Shares(lambda: 0.0, lambda: 0.0)
+    sessions = registry(MemoryHistory(), tmp_path, GUARD, shares=shares)
+    one, first = await sessions.attach(attach("one", "guard", "a"), Kept())
+    _, second = await sessions.attach(attach("one", "guard", "b"), Kept())
+    other, _ = await sessions.attach(attach("other", "guard"), Kept())
+
+    def resting_for() -> int:
+        one.share.run(lambda: None)  # as it is when it is written, too
+        return shares.others(other.share, 0.0)
+
+    assert resting_for() == 1
+    one.detach(first)
+    assert resting_for() == 1
+    one.detach(second)
+    assert resting_for() == 0
+    await sessions.attach(attach("one", "guard", "a"), Kept())
+    assert resting_for() == 1
