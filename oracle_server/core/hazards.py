@@ -11,17 +11,20 @@ from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.derived.checks import derived_problems
+from oracle_server.core.derived.doubts import doubtful_derived
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_rows, check_shape, parse_expression, too_dear
 from oracle_server.core.fields import inspect_fields
+from oracle_server.core.gaps import gaps
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
 from oracle_server.core.nearest import either, listed, near, nearest
+from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import span
-from oracle_server.core.unmet import has_signal, unmet
+from oracle_server.core.unmet import unmet
 from oracle_server.core.vacuity import vacuous
 from oracle_server.core.withholding import mendable
 
@@ -46,7 +49,6 @@ def inspect(
         *awaited(spec),
         *derived_problems(spec),
         *unmet(spec),
-        *_gaps(spec),
         *_causes(spec),
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
@@ -58,7 +60,14 @@ def inspect(
         found += incomparable(spec, types or {})
     if any(problem.severity == "error" for problem in found):
         return found
-    return [*found, *vacuous(spec, types or {})]
+    known = types or {}
+    return [
+        *found,
+        *doubtful_derived(spec, known),
+        *unseen_silence(spec),
+        *gaps(spec, known),
+        *vacuous(spec, known),
+    ]
 
 
 def _duplicates(spec: Spec) -> Iterator[SpecProblem]:
@@ -321,21 +330,6 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
                     f"waits for the oracle; write `decide_within: {span(waits + 10**9)}`"
                 )
                 yield SpecProblem(("streams", j, "decide_within"), message)
-
-
-def _gaps(spec: Spec) -> Iterator[SpecProblem]:
-    """The streams at whose events a formula over numbers lacks some."""
-    held = spec.kept
-    for i, prop in enumerate(spec.properties):
-        if not prop.numeric:
-            continue
-        named = [c.key for atom in prop.atoms for c in atom.constraints]
-        read = [key for key in named if any(has_signal(s, key, held) for s in spec.streams)]
-        lacking = {str(s.key): [key for key in read if not has_signal(s, key, held)] for s in spec.streams}
-        where = ", ".join(f"{stream} ({', '.join(keys)})" for stream, keys in lacking.items() if keys)
-        if where:
-            message = f"property '{prop.id}' is unknown where a signal is missing: {where}; `hold` keeps the last value"
-            yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="unjudged")
 
 
 def _causes(spec: Spec) -> Iterator[SpecProblem]:

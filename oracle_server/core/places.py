@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import contradictory, turned
+from oracle_server.core.derived.lacking import lacking
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.expression import is_always_there
 from oracle_server.core.formula.parse import Time
@@ -31,7 +32,8 @@ class Place:
 
     `constants` are those that every event has with the same value, `always` those that it has with some value, unless
     they failed; `own` has the values that the stream's other signals can have, and `held`, which all places share,
-    those of signals that keep their values; `open`: a signal of any name may be there.
+    those of signals that keep their values and of derived ones, but for those that are always absent here, which `lack`
+    other signals; `open`: a signal of any name may be there.
     """
 
     stream: StreamSpec | None
@@ -40,6 +42,7 @@ class Place:
     own: Mapping[str, Range]
     held: Mapping[str, Range]
     open: bool
+    lack: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -50,9 +53,9 @@ class Place:
         """Whether an event can have a signal."""
         if self._reserves(key):
             return self.stream is not None and has_reserved(self.stream, key)
-        return (
-            (self.open and not (self.stream and key in not_signals(self.stream))) or key in self.own or key in self.held
-        )
+        if key in self.own or (self.open and not (self.stream and key in not_signals(self.stream))):
+            return True
+        return key in self.held and key not in self.lack
 
     def allows(self, atom: Atom) -> bool:
         """Whether an event can meet an atom, as far as the reserved signals decide."""
@@ -131,7 +134,13 @@ def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Pla
         found.append(Place(stream, constants(stream), there, either | marks, held, open=not known))
     if time == "seconds":
         found.append(Place(None, {}, frozenset(), {}, held, open=False))
-    return found
+    return [replace(place, lack=_lack(spec, place)) for place in found] if spec.derive else found
+
+
+def _lack(spec: Spec, place: Place) -> dict[str, tuple[str, ...]]:
+    """The derived signals that are absent at a place. A tick carries the keys that it is for."""
+    keys = frozenset() if place.stream else frozenset(by for d in spec.derive for by in d.by)
+    return lacking(spec.derive, lambda name: name in keys or place.has(name))
 
 
 def likened(atom: Atom, found: Sequence[Place]) -> list[Place]:

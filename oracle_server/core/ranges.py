@@ -44,6 +44,12 @@ class Range:
         """Equal for equal ranges alone: Python takes 1 and True for the same."""
         return self.kinds, tuple(canonical(v) for v in self.values), self.whole
 
+    @property
+    def has_numbers(self) -> bool:
+        """Whether any value is a number."""
+        written = any(not isinstance(value, str | bool) for value in self.values)
+        return written or "number" in self.kinds or self.whole is not None
+
     def meets(self, constraints: Sequence[Constraint]) -> bool:
         """Whether some value meets all constraints, which are on one signal."""
         return any(all(meets(c, v) for c in constraints) for v in self.telling(constraints))

@@ -38,6 +38,7 @@ from oracle_server.core.formula.tree import (
 from oracle_server.core.instants import Instants, Occurrence
 from oracle_server.core.joins import unjoined
 from oracle_server.core.kinds import NAMING
+from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.misfits import Doubt, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
@@ -131,7 +132,8 @@ class _Seen:
         lacking = [p for p in self._idle(occurrence) if p.allows(atom) and p.lacks(atom)]
         if lacking:
             keys = sorted({key for p in lacking for key in p.lacks(atom)})
-            message = f"`{render_atom(atom)}` never holds at an event of {names_of(lacking, 'or')}: {self._whose(keys)}"
+            why = whose(self.places, lacking, keys)
+            message = f"`{render_atom(atom)}` never holds at an event of {names_of(lacking, 'or')}: {why}"
             yield Doubt("idle", atom, message, atom.at)
 
     def _foreign(self, occurrence: Occurrence[Atom]) -> Iterator[Doubt]:
@@ -167,17 +169,6 @@ class _Seen:
             f"must hold at that event too, and is false there; write {mend}"
         )
         yield Doubt("idle", node, message, _place(node))
-
-    def _whose(self, keys: Sequence[str]) -> str:
-        """Who has signals that an atom lacks, and how to make them last."""
-        owners = [p for p in self.places if p.stream is not None and all(p.has(key) for key in keys)]
-        named = _quoted(keys)
-        if not owners:
-            return f"it has no {named}; name them under `hold` of their streams, so that they keep their values"
-        them = "it keeps its value" if len(keys) == 1 else "they keep their values"
-        verb = "has" if len(owners) == 1 else "have"
-        hold = f"name {'it' if len(keys) == 1 else 'them'} under `hold` of {names_of(owners, 'or')}, so that {them}"
-        return f"only {names_of(owners)} {verb} {named}; {hold}"
 
     def _ended(self, node: Historically | Since) -> Iterator[Doubt]:
         """An operand that must hold at every step, and fails at every event of some stream for want of a signal."""
@@ -284,7 +275,7 @@ def _lack(operand: Formula, failing: Sequence[Place]) -> str:
     """Why an operand fails: the signals that the events of these places lack."""
     keys = sorted({key for a in atoms(operand) for p in failing if p.allows(a) for key in p.lacks(a)})
     verb = "has" if len(failing) == 1 else "have"
-    return f", which {verb} no {_quoted(keys, 'or')}" if keys else ""
+    return f", which {verb} no {quoted(keys, 'or')}" if keys else ""
 
 
 def _kept(node: Historically | Since) -> Formula:
@@ -296,8 +287,3 @@ def _place(node: Formula) -> Position:
     """Where a part of a formula begins, as far as its nodes have a place."""
     found: list[Position] = [n.at for n in walk(node) if isinstance(n, Atom | Exists | Forall)]
     return min(found, default=(1, 1))
-
-
-def _quoted(keys: Sequence[str], last: str = "and") -> str:
-    quoted = [f"`{key}`" for key in keys]
-    return f" {last} ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))

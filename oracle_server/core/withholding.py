@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from oracle_server.core.derived.lacking import lacking
 from oracle_server.core.formula.ahead import Ahead, Obligation, obligation
 from oracle_server.core.formula.tree import (
     TRUE,
@@ -28,7 +29,8 @@ from oracle_server.core.spec import Property, Spec
 
 def mendable(spec: Spec, prop: Property, name: str) -> bool:
     """Whether the property always holds at a step without signals, or never fails at an event of the stream."""
-    held = spec.kept
+    holds = frozenset[str]().union(*(stream.hold for stream in spec.streams))
+    held = spec.kept - lacking(spec.derive, holds.__contains__).keys()
     named = [s for s in spec.streams if s.name == name]
     own = [s for s in named if s.action == "filter"] or named
 

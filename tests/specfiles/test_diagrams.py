@@ -65,6 +65,12 @@ def test_both_languages_say_the_same(tmp_path: Path, text: str) -> None:
     assert written.count("TODO: say in CEL") == 2
 
 
+def test_labels_with_quotes_are_texts_that_check_reads(tmp_path: Path) -> None:
+    _, written = imported(tmp_path, 'stateDiagram-v2\nA --> B: say "hi"\nB --> A: it\'s\\back')
+    assert """on_say_hi: "{event: 'say \\"hi\\"'}\"""" in written
+    assert 'on_it_s_back: "{event: \\"it\'s\\\\back\\"}"' in written
+
+
 def test_arrows_without_labels_follow_a_signal(tmp_path: Path) -> None:
     definition, _ = imported(tmp_path, "digraph { IDLE -> AUTO -> IDLE; 3 -> IDLE; AUTO -> 3 }")
     assert definition.op == "follows"
@@ -93,6 +99,7 @@ def test_what_check_draws_is_read_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ('stateDiagram-v2\nA --> B: say "it\'s"\nB --> A: x', ':2: the label "say \\"it\'s\\"" has both kinds of'),
         ("stateDiagram-v2\nstate A {\nB --> C\n}", ":2: states within states"),
         ("stateDiagram-v2\nA --> B: x\nA --> C: x", ":3: `x` leads from `A` to `C` here, and in line 2 to `B`"),
         ("stateDiagram-v2\nA --> B: x\nB --> A", ":3: the arrow to `A` has no label"),

@@ -170,7 +170,7 @@ def test_a_violation_is_explained_by_the_sentence_first() -> None:
     [
         ("/goal {goal: *} every 500ms", '{"p.age" <= 0.5}', "age: '{topic: /goal, goal: *}'"),
         ("while auto: low at least 10 Hz over 2s", 'auto -> not {"p.rate" < 10}', "rate: low, over: 2s"),
-        ("/goal at most 0.5Hz over 1min", 'not {"p.rate" > 0.5}', "rate: '{topic: /goal}', over: 1min"),
+        ("/goal at most 0.51Hz over 1min", '{"p.count" <= 30}', "count: '{topic: /goal}', over: 1min"),
         ("at most 3 (/goal or low) within 1s", '{"p.count" <= 3}', "count: '{topic: /goal} or low', over: 1s"),
     ],
 )
@@ -183,6 +183,17 @@ def test_how_often_is_measured_as_by_a_derived_signal(pattern: str, formula: str
     assert found.properties[-1].time == "seconds"
     (ours,), (theirs,) = found.derive, by_hand.derive
     assert (ours.name, ours.op, ours.formula, ours.over) == (theirs.name, theirs.op, theirs.formula, theirs.over)
+
+
+def test_too_many_are_too_many_from_the_first_message_on() -> None:
+    text = spec_of("pattern: '/goal at most 2 Hz over 1500ms'").replace("id: s\n", "id: s\nordering: {by: arrival}\n")
+    ready = plan(parse_spec(text, "s").spec)
+    session = Session(ready, make_engines(ready))
+    outcomes = []
+    for n in range(1, 6):
+        event = Event(StreamKey("/goal", "topic"), "m", n, n * 10**8, n * 10**8, {"id": 7})
+        outcomes += [v.outcome.value for judged in session.ingest(event) for v in judged.verdicts if v.property == "p"]
+    assert outcomes == ["currently_true"] * 3 + ["currently_false"] * 2
 
 
 def test_a_signal_that_a_pattern_makes_is_no_other() -> None:

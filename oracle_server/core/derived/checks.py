@@ -19,7 +19,7 @@ from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref
 from oracle_server.core.kinds import OWN, RESERVED
 from oracle_server.core.nearest import listed, nearest
-from oracle_server.core.ranges import Range
+from oracle_server.core.ranges import ANYTHING, Range
 from oracle_server.core.spec import Spec
 from oracle_server.core.units import span
 from oracle_server.core.unmet import why_never
@@ -68,7 +68,7 @@ def _operands(spec: Spec, index: int, definition: Definition, ranges: Mapping[st
         yield from _expression(spec, index, definition, path)
     else:
         reason = _unknown(spec, index, definition.of) or _of_age(spec, definition.of)
-        if reason is None and OPS[definition.op].numbers and not _has_numbers(ranges.get(definition.of)):
+        if reason is None and OPS[definition.op].numbers and not ranges.get(definition.of, ANYTHING).has_numbers:
             reason = f"`{definition.op}` takes numbers, and '{definition.of}' is never one"
         if reason is not None:
             yield _problem(definition, path, reason)
@@ -227,14 +227,6 @@ def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str,
     if isinstance(constraint.value, str | bool) and ranges[name].kinds == {"number"}:
         return f"`{text}` is never met: '{name}' is a number; compare it with one, as `{{{name} > 1}}`"
     return None
-
-
-def _has_numbers(found: Range | None) -> bool:
-    return found is None or "number" in found.kinds or found.whole is not None or _is_number(found)
-
-
-def _is_number(found: Range) -> bool:
-    return any(not isinstance(value, str | bool) for value in found.values)
 
 
 def _problem(

@@ -8,7 +8,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
-from oracle_server.core.expression import Expression, parse_expression
+from oracle_server.core.expression import Expression, certain, parse_expression
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, atoms
 from oracle_server.core.machines.table import Table
 
@@ -116,6 +116,13 @@ class Definition:
     def tested(self) -> tuple[Atom, ...]:
         """The different atoms of its formulas."""
         return tuple(dict.fromkeys(atom for formula in self.formulas for atom in atoms(formula)))
+
+    @cached_property
+    def needed(self) -> tuple[str, ...]:
+        """The signals without any of which it is absent; where it is kept by several, without all of these."""
+        if self.op == "expression":
+            return tuple(certain(self.expression.tree))
+        return (*self.by, self.of) if self.op in ("previous", "delta") else self.by
 
     @property
     def reads(self) -> tuple[str, ...]:

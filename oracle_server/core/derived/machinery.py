@@ -44,6 +44,7 @@ def machine_problems(definition: Definition) -> Iterator[SpecProblem]:
                 yield SpecProblem(_named(definition, path, table.events[event]), message, _within(definition, event))
     if definition.op == "states":
         yield from _unreached(definition)
+        yield from _untold(definition)
 
 
 def never(definition: Definition, constraint: Constraint) -> str | None:
@@ -73,6 +74,20 @@ def _unreached(definition: Definition) -> Iterator[SpecProblem]:
                 "or leave it out"
             )
             yield SpecProblem(("derive", definition.name, "states", name), message, severity="warning")
+
+
+def _untold(definition: Definition) -> Iterator[SpecProblem]:
+    """A limit of the error itself, in which the machine's property is violated anyway."""
+    table = definition.table
+    assert table is not None  # noqa: S101 -- it is a machine
+    for limit in table.limits:
+        if limit.state == table.bad:
+            key = "leave" if limit.within is None else "within"
+            message = (
+                f"derived signal '{definition.name}': `{key}` of '{table.bad}' is never told of: `machine: "
+                f"{definition.name}` is violated as long as the machine is there; leave it out"
+            )
+            yield SpecProblem(("derive", definition.name, "states", limit.state, key), message, severity="warning")
 
 
 def _named(definition: Definition, path: KeyPath, event: str) -> KeyPath:

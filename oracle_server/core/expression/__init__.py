@@ -6,6 +6,7 @@ check_shape(expression, shape) -> [Problem]     what is wrong with it, for messa
 result_kind(expression, shape) -> kind or None  what its signal is
 results(expression, shape) -> each choice's     what is written out, or what is known of it
 is_always_there(expression, shape) -> bool      whether its signal is never absent
+certain(tree) -> names                          the fields without any of which it is absent
 """
 
 from oracle_server.core.expression.check import Problem, check_rows, check_shape, result_kind
@@ -14,7 +15,7 @@ from oracle_server.core.expression.expression import Expression, FieldPath, pars
 from oracle_server.core.expression.parse import KEYWORDS
 from oracle_server.core.expression.patterns import MAX_PATTERNS
 from oracle_server.core.expression.reasons import WANTED, absent_at_an_element, reason, told
-from oracle_server.core.expression.results import is_always_there, results
+from oracle_server.core.expression.results import certain, is_always_there, results
 from oracle_server.core.expression.static import no_field
 from oracle_server.core.expression.stops import Absent, Failed
 from oracle_server.core.expression.tree import Literal
@@ -32,6 +33,7 @@ __all__ = [
     "Literal",
     "Problem",
     "absent_at_an_element",
+    "certain",
     "check_rows",
     "check_shape",
     "is_always_there",

@@ -39,6 +39,22 @@ def is_always_there(expression: Expression, shape: Shape) -> bool:
     return expression.each is None and all(_is_there(node, shape) for node in tree.walk(expression.tree))
 
 
+def certain(node: Node) -> Iterator[str]:
+    """First names of fields without any of which the value is absent, whatever the others are."""
+    match node:
+        case tree.Path(names=(name, *_)):
+            yield name
+        case tree.Joined() | tree.Has() | tree.MapOf():
+            return
+        case tree.Choice(cases=((test, _), *_)):
+            yield from certain(test)
+        case tree.Loop(of=of):
+            yield from certain(of)
+        case _:
+            for each in tree.children(node):
+                yield from certain(each)
+
+
 def _is_there(node: Node, shape: Shape) -> bool:
     match node:
         case Literal(value=value):

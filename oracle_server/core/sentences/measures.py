@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from fractions import Fraction
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.formula.render import render
@@ -26,7 +27,11 @@ def measure(reader: Reader, event: Formula) -> Formula | None:
         reader.refuse(
             "over how long? write `over 2s` behind the rate: a time in which some events come", None, ("over",)
         )
-    return Not(_limit(reader, "rate", event, "<" if low else ">", wanted, _time(reader)))
+    over = _time(reader)
+    if low:
+        return Not(_limit(reader, "rate", event, "<", float(wanted), over))
+    # too many are too many before `over` has passed as well, when there is no rate yet
+    return at_most(reader, wanted * over // 10**9, event, over)
 
 
 def at_most(reader: Reader, number: int, event: Formula, window: int) -> Formula:
@@ -54,10 +59,10 @@ def _time(reader: Reader) -> int:
     return distance
 
 
-def _hertz(reader: Reader) -> float:
+def _hertz(reader: Reader) -> Fraction:
     piece = reader.take()
     match = _HERTZ.fullmatch(piece.text)
     unit = match and (match[2] or reader.take().text)
     if match is None or unit is None or unit.lower() not in ("hz", "hertz") or len(match[1]) > 18:
         reader.refuse(f"here stands a rate, as `10 Hz`, and not {reader.shown(piece)}", piece)
-    return float(match[1])
+    return Fraction(match[1])

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from oracle_server.core.errors import one_line
+from oracle_server.core.formula.render import render_atom
+from oracle_server.core.formula.tree import Atom, Constraint
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.diagrams.read import Arrow, Diagram, DiagramError, read_diagram
 from oracle_server.specfiles.imported import Imported, write_spec
@@ -76,6 +78,11 @@ def _by_events(path: Path, diagram: Diagram) -> Iterator[str]:
         for arrow in (a for a in diagram.arrows if a.state == state):
             if not arrow.label:
                 raise DiagramError(f"{path}:{arrow.line}: the arrow to `{arrow.to}` has no label, and others have one")
+            if {"'", '"'} <= set(arrow.label):
+                raise DiagramError(
+                    f"{path}:{arrow.line}: the label {json.dumps(arrow.label)} has both kinds of quotes, and a text in "
+                    "a formula has one of them at most: leave one kind out"
+                )
             first = row.setdefault(events[arrow.label], arrow)
             if first.to != arrow.to:
                 raise DiagramError(
@@ -108,4 +115,6 @@ def _meant(label: str) -> tuple[str, str]:
         signal, sign, number = compared.groups()
         return signal, f"{{{signal} {sign} {number}}}"
     plain = _NAME.fullmatch(label) or _NUMBER.fullmatch(label)
-    return _EVENT, f"{{{_EVENT}: {label if plain and label not in ('true', 'false') else json.dumps(label)}}}"
+    if plain and label not in ("true", "false"):
+        return _EVENT, f"{{{_EVENT}: {label}}}"
+    return _EVENT, render_atom(Atom((Constraint(_EVENT, "==", label),)))
