@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -19,7 +20,7 @@ from tests.core.derived.cases import Case, case, judged, parametric_case, rows_o
 
 @settings(max_examples=400)
 @given(st.integers(0, 2**32), st.sampled_from((case, parametric_case)))
-def test_no_event_has_what_its_stream_lacks(seed: int, make: type[Case]) -> None:
+def test_no_event_has_what_its_stream_lacks(seed: int, make: Callable[..., Case]) -> None:
     found = make(random.Random(seed), "steps")
     lacked = [(place.name, name) for place in places(found.spec, "steps") for name in place.lack]
     texts = [f'not {{topic: "{stream}", {name}: *}}' for stream, name in lacked] or ["true"]
