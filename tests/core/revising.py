@@ -89,6 +89,7 @@ class Book:
     standing: dict[int, Standing] = field(default_factory=dict)
     revisions: list[Revision] = field(default_factory=list)
     rows: dict[int, Judged] = field(default_factory=dict)
+    ticks: int = 0
 
     def take(self, judged: Iterable[Judged]) -> None:
         for row in judged:
@@ -102,6 +103,9 @@ class Book:
                 position = len(self.rows)
                 assert ns == list(range((position - 1) * self.width + 1, position * self.width + 1))
                 self.first[position] = row
+                if not row.step.event.monitor:
+                    self.ticks += 1
+                    assert row.step.event.seq == self.ticks, "deadlines are numbered on"
 
     def revise(self, row: Revision) -> None:
         assert row.causes

@@ -234,9 +234,10 @@ class SavableJudge(RevisingJudge):
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         if not self._restoring:
             return super()._judge_deadline(time, now)
-        numbers, self._numbers = self._numbers, itertools.count((self.unknown - 1) * len(self.properties) + 1)
+        numbers, ticks = self._numbers, self.counters.ticks
+        self._numbers = itertools.count((self.unknown - 1) * len(self.properties) + 1)
         tick = super()._judge_deadline(time, now)
-        self._numbers = numbers
+        self._numbers, self.counters.ticks = numbers, ticks
         return tick
 
     def _keep_tick(self, tick: Judged, time: int) -> None:
