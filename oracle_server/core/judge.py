@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 
@@ -12,7 +13,7 @@ from oracle_server.core.deciding import Before, attempted, denies, is_denied, is
 from oracle_server.core.derived.state import Derived, LastStep
 from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
 from oracle_server.core.episode import Following, loaded, saved
-from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Step
+from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Source, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
 from oracle_server.core.plan import Plan, StreamPlan
@@ -21,6 +22,7 @@ from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property
+from oracle_server.core.tally import StreamCounts
 from oracle_server.core.telling import Telling
 from oracle_server.core.verdicts import NEGATIVE, Decision, Judged, Outcome, Verdict
 from oracle_server.core.weakly import weakly
@@ -60,6 +62,8 @@ class Judge(Telling):
             self._state(p, e, grace(p.formula, p.time)) for p, e in zip(plan.spec.properties, engines, strict=True)
         ]
         self.counters = Counters()
+        self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
+        """What of that is counted by stream: what came late, and what was lost."""
         self._allowed = MAX_WORK_TOGETHER // (2 if ordering.by == "both" else 1)
         """What a step may cost all properties; one that is judged in two orders has two halves."""
         self._explained = 0
@@ -236,11 +240,16 @@ class Judge(Telling):
         return deadline is not None and deadline <= time
 
     def _count(self, step: Step) -> None:
-        if not step.event.row:  # of an event with rows the first one counts
-            self.counters.late += step.late
-            self.counters.skewed += step.skewed
-        self.counters.lost += step.event.lost
-        if step.event.lost or step.forced:
+        event, counters = step.event, self.counters
+        whole = not event.row  # of an event with rows the first one counts
+        counters.late += step.late and whole
+        counters.skewed += step.skewed and whole
+        counters.lost += event.lost
+        if step.late or event.lost:
+            counts = self.counts[event.monitor, event.stream]
+            counts.late += step.late and whole
+            counts.lost += event.lost
+        if event.lost or step.forced:
             self._degraded = True
 
     def _try(self, step: Step, now: int) -> Judged:

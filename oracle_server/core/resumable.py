@@ -6,7 +6,7 @@ import itertools
 from collections import defaultdict
 
 from oracle_server.core.asking import Asking
-from oracle_server.core.events import ENDED, Event, Order, Source, Step, StreamKey
+from oracle_server.core.events import ENDED, Order, Source, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
@@ -14,7 +14,6 @@ from oracle_server.core.reorder import ReorderBuffer
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.rows import Rows
 from oracle_server.core.snapshot import SessionSnapshot
-from oracle_server.core.spec import orders
 from oracle_server.core.tally import StreamCounts
 from oracle_server.core.verdicts import Judged
 
@@ -46,10 +45,8 @@ class Resumable:
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
             self.buffer.present = step.time
         self.now = max(self.now, judged)
-        if step.event.lost and order == orders(self.plan.spec)[-1]:  # which noted it first
-            self._note_loss(step.event)
-        if order == orders(self.plan.spec)[0] and not step.event.row:
-            self.counts[step.event.monitor, step.event.stream].late += step.late
+        if step.event.lost:
+            self.note_loss()
         return self.judges[order].judge(step, judged)
 
     def rejudge_row(self, recorded: Judged, position: int) -> None:
@@ -73,8 +70,7 @@ class Resumable:
             if not step.late and self.plan.spec.by_key[step.event.stream].ordered:
                 self.buffer.present = step.time
             if step.event.lost:
-                self._note_loss(step.event)
-            self.counts[step.event.monitor, step.event.stream].late += step.late and not step.event.row
+                self.note_loss()
 
     @property
     def can_be_saved(self) -> bool:
@@ -118,12 +114,7 @@ class Resumable:
         for judge in self.judges.values():
             judge.give_up(reason, numbers)
 
-    def note_refusal(self) -> None:
-        """Note that an event was lost because it could not be read."""
+    def note_loss(self) -> None:
+        """Note that events were lost, or one could not be read."""
         for judge in self.judges.values():
             judge.degrade()
-
-    def _note_loss(self, event: Event) -> None:
-        """Held events may be younger than what was lost: verdicts are degraded as soon as the loss is known."""
-        self.counts[event.monitor, event.stream].lost += event.lost
-        self.note_refusal()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import msgspec
@@ -23,7 +22,7 @@ from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.rows import Rows
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import SECOND, orders
-from oracle_server.core.tally import HoldTimes, StreamCounts
+from oracle_server.core.tally import HoldTimes
 from oracle_server.core.verdicts import FINAL, Judged
 
 Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
@@ -61,7 +60,7 @@ class Session(Resumable):
             else:
                 self.judges[order] = Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
-        self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
+        self.counts = self.judges[orders(plan.spec)[0]].counts
         self.holds = HoldTimes()
         self.bypasses = Bypasses(plan.readers)
         self.now = 0
@@ -141,8 +140,8 @@ class Session(Resumable):
     def ingest(self, event: Event) -> list[Judged]:
         """Take an event of a stream of the spec, at its time of arrival."""
         judged = self.advance(event.arrived, wholly=True)
-        if event.lost:
-            self._note_loss(event)
+        if event.lost:  # held events may be younger than what was lost: verdicts are degraded as soon as it is known
+            self.note_loss()
         step = self._arriving.step(event)
         if self.begun is None:
             self._begin(step.event.arrived)
@@ -260,10 +259,7 @@ class Session(Resumable):
 
     def _judge_all(self, released: Sequence[Released[Step]]) -> list[Judged]:
         for r in released:
-            event = r.item.event
-            self.holds.add(self.now - event.came)
-            if r.late:
-                self.counts[event.monitor, event.stream].late += 1
+            self.holds.add(self.now - r.item.event.came)
         judged: list[Judged] = []
         for step in map(self._marked, released):
             if self.rows:

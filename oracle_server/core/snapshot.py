@@ -53,6 +53,9 @@ class RevisingSnapshot(TypedDict):
     `position` is that of the last row before them, and `included` are late events after it that were put in places
     before them; `deadline` is the latest that was told (ns) before the first of those rows that is not in order, or the
     latest of all. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
+
+    The counters are of all rows up to the position `counted`. Older versions lack it; what they saved last was mostly
+    saved behind the last row, when they were stopped.
     """
 
     judge: JudgeSnapshot
@@ -62,6 +65,7 @@ class RevisingSnapshot(TypedDict):
     deadline: int
     before: int
     numbered: int
+    counted: NotRequired[int]
     finals: Sequence[tuple[str | None, int, bool]]
 
 

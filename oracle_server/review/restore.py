@@ -166,7 +166,7 @@ class _Rejudging:
         lost = refusal.gap + (refusal.code == "bad_event")
         self.used[refusal.monitor].append((refusal.seq, refusal.gap, lost))
         if lost:
-            self._core.note_refusal()
+            self._core.note_loss()
 
     def _judge(self, stored: StoredStep) -> None:
         if stored.revision is not None:

@@ -147,7 +147,7 @@ class Ledger:
         lost = gap + (code == "bad_event")
         monitor.lost += lost
         if lost:
-            self._core.note_refusal()
+            self._core.note_loss()
         refusal = Refusal(monitor.name, seq, gap, self._clock.now(), code, message)
         self._history.refuse(self._session, refusal, partial(self._settle, [(monitor, seq, gap, lost)]))
         return WireError(code, message, seq=seq)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import json
 import random
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -15,6 +16,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.atoms import canonical
+from oracle_server.core.deciding import is_denied
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
@@ -30,6 +32,7 @@ from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.strategies import SECOND, START
 
+COUNTED = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
 A, B, H, U = (StreamKey(name, "topic") for name in ("/a", "/b", "/h", "/u"))
 
 
@@ -123,6 +126,22 @@ class Book:
                     assert stands.degraded[i] == change.degraded
             assert change.violation is (change.explanation is not None)
 
+    def counts(self) -> Counter[str]:
+        """What a session counts of these rows that was never restarted."""
+        found = Counter[str]()
+        for row in self.first.values():
+            step, whole = row.step, not row.step.event.row
+            found["late"] += step.late and whole
+            found["skewed"] += step.skewed and whole
+            found["skipped"] += step.skipped and whole
+            found["lost"] += step.event.lost
+            found["denied"] += is_denied(row.decision)
+            for what, count in (("late", step.late and whole), ("lost", step.event.lost)):
+                found[f"{what} of {step.event.stream} of {step.event.monitor}"] += count
+        changes = [change for row in self.revisions for change in row.changes if change is not None]
+        found["revised"], found["retracted"] = len(changes), sum(change.retracted for change in changes)
+        return found
+
     def stands(self, position: int) -> Standing:
         row = self.first[position]
         found = ((i, explain(row, v)) for i, v in enumerate(row.verdicts))
@@ -153,6 +172,8 @@ class Run:
     """How likely it is to be restarted before an event."""
     stops: random.Random | None = None
     """Decides where it stops before all is judged that is due, None for never."""
+    suspends: random.Random | None = None
+    """Decides when what is judged can't be kept, and is skipped; None for never."""
     saved: tuple[int, str] | None = None
     book: Book = field(init=False)
     levels: dict[tuple[str, int], int] = field(default_factory=dict)
@@ -196,6 +217,7 @@ class Run:
         for at in range(position + 1, len(self.book.rows) + 1):
             self.session.rejudge_row(self.book.rows[at], at)
         self.session.finish_again()
+        self.check_counts()
         self.attach(now)
         known = {(row.step.event.monitor, row.step.event.seq) for row in self.book.first.values()}
         for event in sent:
@@ -210,11 +232,22 @@ class Run:
                 self.save()
             if rng.random() < self.restarts:
                 self.restart(event.arrived, self.case.events[:i])
+            self.session.suspended = self.suspends is not None and self.suspends.random() < 0.2
             self.ingest(event)
+            self.session.suspended = False
             if rng.random() < 0.3:
                 clock = ClockReading(event.stream, event.arrived - SECOND)
                 self.take(self.session.clock(event.monitor, [clock], event.arrived))
         self.take(self.session.finish(self.case.events[-1].arrived + 10 * SECOND))
+        self.check_counts()
+
+    def check_counts(self) -> None:
+        """A session counts what it said, no matter how often it was restarted."""
+        counters = self.session.judges["publication"].told.counters
+        found = Counter({name: getattr(counters, name) for name in COUNTED})
+        for (monitor, stream), of in self.session.counts.items():
+            found |= {f"late of {stream} of {monitor}": of.late, f"lost of {stream} of {monitor}": of.lost}
+        assert +found == +self.book.counts()
 
     def ingest(self, event: Event) -> None:
         self.take(self.session.ingest(event))

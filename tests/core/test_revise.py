@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import random
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import pytest
 
 from oracle_server.core.atoms import Matches
@@ -23,7 +25,7 @@ from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, explain
 from oracle_server.engines.native import NativeEngine
-from tests.core.revising import A, B, Run, U, case, compared, reference
+from tests.core.revising import COUNTED, A, B, Run, U, case, compared, reference
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
@@ -45,6 +47,30 @@ def test_what_stands_is_what_the_order_of_publication_gives(time: Time, restarts
         assert compared(run.stands()) == compared(reference(run)), told
         revised += len(run.book.revisions)
     assert revised > CASES / 10
+
+
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_a_session_that_is_restarted_counts_as_one_that_never_was(time: Time) -> None:
+    """`Run` holds its counts against what it said, and `Book` the numbers of deadlines."""
+    counted = Counter[str]()
+    for number in range(SEED, SEED + CASES):
+        rng = random.Random(f"counted {time} {number}")
+        drawn = case(rng, time, horizon=rng.choice((2, 4, 60)) * SECOND)
+        events = [marred(rng, event) for event in drawn.events]
+        run = Run(drawn._replace(events=events), divided=rng.random() < 0.5, restarts=0.4)
+        run.suspends = random.Random(number) if number % 2 else None
+        run.judge(rng)
+        counted += run.book.counts()
+        counted["ticks"] += run.book.ticks
+    names = [*COUNTED, *(["ticks"] if time == "seconds" else [])]
+    assert min(counted[name] for name in names) > CASES / 10, counted
+
+
+def marred(rng: random.Random, event: Event) -> Event:
+    """An event, at times one before which some were lost, or of a clock that is wrong."""
+    if rng.random() < 0.1:
+        return msgspec.structs.replace(event, lost=rng.randint(1, 3))
+    return msgspec.structs.replace(event, stamp=event.arrived + 2 * SECOND) if rng.random() < 0.1 else event
 
 
 BOTH = (StreamSpec("/a"), StreamSpec("/b"))
@@ -354,3 +380,19 @@ def test_no_more_steps_are_remembered_than_explanations_and_kept_rows_need() -> 
     session.advance(6_100 * MS)
     remembered = [place for place, *_ in judge._recent._steps]
     assert len(remembered) <= 10 + 100 + 2 * 64, "a horizon has 100 steps, and rows are forgotten 64 at once"
+
+
+def test_a_snapshot_of_an_older_version_counts_what_it_had_counted() -> None:
+    session = session_of(PAIRED)
+    rows = session.ingest(event(B, 1, 2_000, 2_000)) + session.advance(2_100 * MS)
+    rows += session.ingest(event(A, 1, 1_950, 2_300)) + session.advance(2_310 * MS)
+    data = session.snapshot()
+    assert data is not None
+    del data["revising"]["counted"]
+    again = Session(session.plan, [[NativeEngine(p.formula) for p in session.plan.spec.properties]])
+    again.restore(data, 1)
+    for position, row in enumerate(rows, 1):
+        again.rejudge_row(row, position)
+    again.finish_again()
+    counters = again.judges["publication"].counters
+    assert (counters.late, counters.revised, again.counts["m", A].late) == (1, 1, 1)

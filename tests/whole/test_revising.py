@@ -8,7 +8,7 @@ import sqlite3
 from contextlib import closing
 from typing import Any
 
-from tests.whole.client import Monitor, attached, make_event
+from tests.whole.client import Monitor, attached, make_clock, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import Server, run
 from tests.whole.test_stream import stream, take
@@ -112,3 +112,33 @@ def seqs(reasons: list[dict[str, Any]]) -> set[int]:
     """The numbers of the events that reasons name."""
     found = {reason["event"]["seq"] for reason in reasons if reason.get("event")}
     return found.union(*(seqs(reason.get("reasons", [])) for reason in reasons))
+
+
+async def test_a_session_counts_on_over_restarts(start: Starts) -> None:
+    for turn, number in enumerate((signal.SIGTERM, signal.SIGKILL, signal.SIGTERM)):
+        server, times = start(ORACLE_RESUME_WITHIN="3600"), turn + 1
+        async with attached(server, session="s", spec="counted") as monitor:
+            await one_of_each(monitor, 3 * turn, at=1_000 * turn)
+            counted = counts(server)
+            server.stop(number)
+        assert counted == (times, 2 * times, times, 2 * times, {"/a": (times, 2 * times), "/b": (0, 0)})
+    server = start()
+    assert counts(server) == counted
+    ticks = [r["seq"] for r in server.records("s", property="recent", **{"as": "first"}) if r["kind"] == "tick"]
+    assert ticks == list(range(1, 7))
+
+
+async def one_of_each(monitor: Monitor, seq: int, at: int) -> None:
+    """An event before which two were lost, one that is denied, and one that comes late, with deadlines after both."""
+    await monitor.send(make_event(seq + 1, "/a", at=at, lost=2), make_clock("/a", at=at + 20))
+    assert (await monitor.ask(seq + 2, stream="/b", at=at + 10, data={"v": 2}))["decision"] == "deny"
+    await monitor.send(make_clock("/a", at=at + 200), make_clock("/b", at=at + 200))
+    await monitor.acked(seq + 2)
+    await monitor.send(make_event(seq + 3, "/a", at=at + 5))
+    await monitor.acked(seq + 3)
+
+
+def counts(server: Server) -> tuple[Any, ...]:
+    state = server.get("sessions/s")
+    streams = {stream["stream"]: (stream["late"], stream["lost"]) for stream in state["streams"]}
+    return *(state["counters"][name] for name in ("late", "lost", "denied", "revised")), streams

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from collections.abc import Collection, Iterator, Sequence
 from operator import attrgetter
 
@@ -37,6 +38,8 @@ class SavableJudge(RevisingJudge):
         self._restoring = False
         self.together = _TOGETHER
         """How many recorded rows are judged again together at most."""
+        self._counted = 0
+        """Up to which position a snapshot has counted: what is judged again of that is not counted again."""
         self._gathered: list[Kept] = []
         """Recorded steps in order, and late ones with a place, that are to be judged again together."""
         self.unknown = 0
@@ -72,6 +75,7 @@ class SavableJudge(RevisingJudge):
             "deadline": min(behind, default=self._deadline),
             "before": self.keeping.base.before,
             "numbered": self._numbered,
+            "counted": self._next_position() - 1,
             "finals": [(state.final, state.final_since, state.said) for state in self._states],
         }
 
@@ -86,7 +90,12 @@ class SavableJudge(RevisingJudge):
         self.keeping.placed = list(data["included"])
         self._derived.noted()
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]
-        self._deadline = data["deadline"]
+        self._deadline, self._counted = data["deadline"], data.get("counted", sys.maxsize)
+
+    def _next_position(self) -> int:
+        n = next(self._numbers)
+        self._numbers = itertools.count(n)
+        return (n - 1) // len(self.properties) + 1
 
     def rejudge(self, recorded: Judged, position: int) -> None:
         """Judge a recorded row again, at its position, in the sequence in which the rows were said.
@@ -99,26 +108,31 @@ class SavableJudge(RevisingJudge):
             if any(row.judged.place is not None for row in self._gathered):
                 self.finish_again()
             self._early = {}
-        if isinstance(recorded, Revision):
-            self._count_changes([recorded])
-        elif kind == TICK:
+        if kind == TICK:
             self.finish_again()
             self._restoring = True
             self._tick_again(step, recorded.judged, position)
         elif step.skipped:
-            self.counters.skipped += not step.event.row
             self.degrade()
-        elif position not in self.keeping.placed:
+        elif not isinstance(recorded, Revision) and position not in self.keeping.placed:
             if step.event.lost or step.forced:
                 self.degrade()
-            self._count(step)
-            self.counters.denied += is_denied(recorded.decision)
             self._step_again(recorded, position)
+        if position > self._counted:
+            self._count_again(recorded)
         self._restoring = False
         self._numbered = max(self._numbered, recorded.number or 0)
         self._numbers = itertools.count(position * len(self.properties) + 1)
         if not isinstance(recorded, Revision):
             self._position = position
+
+    def _count_again(self, recorded: Judged) -> None:
+        if isinstance(recorded, Revision):
+            self._count_changes([recorded])
+        elif recorded.step.event.monitor:
+            self._count(recorded.step)
+            self.counters.skipped += recorded.step.skipped and not recorded.step.event.row
+            self.counters.denied += is_denied(recorded.decision)
 
     def finish_again(self) -> None:
         """Judge the recorded steps that wait for others."""
@@ -153,7 +167,7 @@ class SavableJudge(RevisingJudge):
         unsaid = [row for row in self.keeping if row.position <= 0] if self.unknown else []
         self.unknown = 0
         for row in unsaid:
-            position = (next(self._numbers) - 1) // len(self.properties) + 1
+            position = self._next_position()
             self._numbers = itertools.count(position * len(self.properties) + 1)
             self.counters.ticks += 1
             event = msgspec.structs.replace(row.step.event, seq=self.counters.ticks, arrived=now)
