@@ -74,8 +74,12 @@ class Resumable:
 
     @property
     def can_be_saved(self) -> bool:
-        """Whether a snapshot may be taken now: no oracle is asked, nothing is judged again, and no row waits."""
-        return not (self.asking or self.rows) and (self.lateness is None or not self.lateness.judge.is_going)
+        """Whether a snapshot may be taken now: no oracle is asked, nothing is judged again, and no row waits.
+
+        After a restart, deadlines that are in no row are said first: a snapshot is as of before a row.
+        """
+        judge = None if self.lateness is None else self.lateness.judge
+        return not (self.asking or self.rows) and (judge is None or not (judge.is_going or judge.unknown))
 
     def snapshot(self) -> SessionSnapshot | None:
         """All that later verdicts depend on except what is held in the order, as plain data, where it `can_be_saved`.

@@ -382,6 +382,34 @@ def test_no_more_steps_are_remembered_than_explanations_and_kept_rows_need() -> 
     assert len(remembered) <= 10 + 100 + 2 * 64, "a horizon has 100 steps, and rows are forgotten 64 at once"
 
 
+def deadlines_session(rows: list[Judged]) -> Session:
+    """A session restored by rows; 1 s after each message on /a its property is violated."""
+    text = 'not once[1s:] {topic: "/a"}'
+    prop = Property("p", parse_formula(text, "seconds"), text, time="seconds")
+    ordering = Ordering(max_delay=100 * MS, late="revise", horizon=60 * SECOND)
+    session = Session(plan(Spec("s", BOTH, (prop,), ordering)), [[NativeEngine(prop.formula, "seconds")]], begun=SECOND)
+    for position, row in enumerate(rows, 1):
+        session.rejudge_row(row, position)
+    session.finish_again()
+    return session
+
+
+def test_no_snapshot_is_taken_before_the_deadlines_of_before_a_restart_are_said() -> None:
+    """It would be as of before a row that is in no history."""
+    session = deadlines_session([])
+    rows = session.ingest(event(A, 1, 2_000, 2_000)) + session.ingest(event(B, 1, 4_000, 4_000))
+    rows += session.finish(4_000 * MS)
+    assert [row.step.event.monitor for row in rows] == ["m", "", "n"]
+    again = deadlines_session([rows[0], msgspec.structs.replace(rows[2], verdicts=rows[1].verdicts)])
+    before = again.can_be_saved
+    (said,) = again.advance(4_100 * MS)
+    assert (said.step.event.seq, said.verdicts[0].n) == (1, 3)
+    assert (before, again.can_be_saved) == (False, True)
+    data = again.snapshot()
+    assert data is not None
+    assert data["revising"]["position"] == 0
+
+
 def test_a_snapshot_of_an_older_version_counts_what_it_had_counted() -> None:
     session = session_of(PAIRED)
     rows = session.ingest(event(B, 1, 2_000, 2_000)) + session.advance(2_100 * MS)
