@@ -209,10 +209,15 @@ class Judge(Telling):
         found = [state.end() for state in self.properties]
         if not any(state.settles for state in self.properties):
             return None
-        time = max(self.present, self._ticked)
+        time = self._until
         held, failing = together(self._held.values())
         signals, failed = self._derived.at(time, self.counters.steps, held, failing)
         return self._ticked_with(found, (signals, frozenset(failed)), (held, frozenset(failing)), time, now, ENDED)
+
+    @property
+    def _until(self) -> int:
+        """Up to when (ns) it has judged."""
+        return max(self.present, self._ticked)
 
     def _ticked_with(
         self, found: Sequence[Outcome], seen: Seen, stored: Seen, time: int, now: int, source: str = ""

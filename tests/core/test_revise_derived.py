@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+from collections.abc import Iterator
 
 import pytest
 
@@ -17,6 +18,7 @@ from oracle_server.core.revise.recurring import Recurring, Row
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
+from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native import NativeEngine
 from tests.core.revising import A, B, Run, compared, reference
 from tests.core.revising_derived import case
@@ -59,6 +61,7 @@ def test_a_trace_judged_again_stands_as_the_session_did(time: Time) -> None:
         rng = random.Random(f"trace {time} {number}")
         run = Run(case(rng, time), divided=rng.random() < 0.5)
         run.judge(rng)
+        run.take(run.session.end(run.session.now))
         again = Run(run.case)
         assert again.session.lateness is not None
         recurring = Recurring(again.session.lateness.judge)
@@ -67,6 +70,11 @@ def test_a_trace_judged_again_stands_as_the_session_did(time: Time) -> None:
             again.book.take(recurring.take(Row(position, row.step, row.judged, row.place is not None)))
         again.book.take(recurring.finish())
         assert compared(again.stands()) == compared(run.stands()), number
+        assert [*how_it_ended(again)] == [*how_it_ended(run)], number
+
+
+def how_it_ended(run: Run) -> Iterator[Outcome]:
+    return (state.outcome for state in run.session.judges["publication"].properties)
 
 
 def test_each_deadline_of_one_time_is_explained_by_itself() -> None:

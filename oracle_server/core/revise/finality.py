@@ -80,6 +80,7 @@ class RevisableState(PropertyState):
         """The outcome at a step that is then taken back."""
         self.changed.append(self)
         if self.final is not None:
+            self.settles = False
             return self.outcome
         outcome = PropertyState.tick(self, view, time, signals, failed, allowed)
         if outcome in FINAL:
@@ -89,6 +90,17 @@ class RevisableState(PropertyState):
     def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step without signals but held ones, in the place of the next one."""
         return PropertyState.silent(self, view, time, signals, failed) if self.final is None else self.final.current
+
+    def end(self) -> Outcome:
+        """The outcome once nothing will come any more: what was final within the horizon is said to be."""
+        outcome, self.settles = self.outcome, self.final is not None and not self.said
+        if self.settles and self.final is not None:
+            self.said, self.final_since = True, -1 - self.horizon  # no step of before is judged again
+            self.changed.append(self)
+            outcome = self.final
+        if self.asked and not self.property.latch:  # why it was latched is known
+            self._explain(outcome)
+        return outcome
 
     def next_deadline(self, after: int) -> int | None:
         """When, after `after` (ns), time alone may change the outcome; None for never."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from functools import partial
 
 import msgspec
 
@@ -251,11 +252,15 @@ class RevisingJudge(RewindableJudge):
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         if self.asked is None or self.asked.tick != time:
             return super().tick(time, now, recorded)
-        state = self.properties[self.asked.prop]
+        return self._answering(self.asked, partial(super().tick, time, now, recorded))
+
+    def _answering(self, asked: Asked, ticks: Callable[[], Judged | None]) -> Judged | None:
+        """Judge a deadline that may be the one that is asked of."""
+        state = self.properties[asked.prop]
         state.asked = True
-        tick = super().tick(time, now, recorded)
+        tick = ticks()
         state.asked = False
-        if tick is not None and self._position_of(tick) == self.asked.position:
+        if tick is not None and self._position_of(tick) == asked.position:
             self.answer = tick
         return tick
 
@@ -270,6 +275,19 @@ class RevisingJudge(RewindableJudge):
         tick = super()._ticked_with(found, seen, stored, time, old.judged.judged, source)
         self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
         return msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
+
+    def end(self, now: int) -> Judged | None:
+        """Say what is final within the horizon: nothing will come any more, and nothing has a place from then on."""
+        asked, end = self.asked, partial(super().end, now)
+        tick = end() if asked is None else self._answering(asked, end)
+        if tick is not None:
+            self._keep_tick(tick, tick.step.stamp)
+            self.keeping.close(tick.step.stamp)
+        return tick
+
+    @property
+    def _until(self) -> int:
+        return max(self.newest, self._deadline)  # what was judged since changed nothing, and a restored judge lacks it
 
     def _keep_tick(self, tick: Judged, time: int) -> None:
         """Keep a deadline that is told for the first time."""

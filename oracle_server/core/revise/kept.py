@@ -113,6 +113,12 @@ class Keeping:
         while rows and rows[0].key < limit:
             self._let_go()
 
+    def close(self, until: int) -> None:
+        """Let go of all rows: nothing up to a time (ns) can be put in its place any more."""
+        while self.rows:
+            self._let_go()
+        self.floor = self.key = max(self.floor, key_of(until, tick=True))
+
     def _let_go(self) -> None:
         gone = self.rows.popleft()
         self.base, self.floor = gone, gone.key

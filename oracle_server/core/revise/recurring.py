@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
-from oracle_server.core.events import Step
+from oracle_server.core.events import ENDED, Step
 from oracle_server.core.kinds import TICK
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.verdicts import Judged
@@ -40,6 +40,9 @@ class Recurring:
     def take(self, row: Row) -> list[Judged]:
         """Judge a row again; late events once the next row is none of theirs."""
         is_tick = row.step.event.stream.kind == TICK
+        if is_tick and row.step.event.source == ENDED:
+            outputs, ended = self.finish(), self._judge.end(row.judged)
+            return outputs if ended is None else [*outputs, ended]
         apart = row.position != self._last + 1 or not (is_tick or self._is_together(row))
         outputs = self.finish() if apart else []
         self._last = row.position

@@ -11,7 +11,7 @@ import msgspec
 
 from oracle_server.core.deciding import is_denied
 from oracle_server.core.engine import Engine
-from oracle_server.core.events import Order, Step
+from oracle_server.core.events import ENDED, Order, Step
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.revise.episodes import rename, renamed, rewritten
@@ -110,8 +110,12 @@ class SavableJudge(RevisingJudge):
             self._early = {}
         if kind == TICK:
             self.finish_again()
-            self._restoring = True
-            self._tick_again(step, recorded.judged, position)
+            self._restoring = step.event.source != ENDED
+            if self._restoring:
+                self._tick_again(step, recorded.judged, position)
+            else:
+                self.end(recorded.judged)
+                self.counters.ticks = max(self.counters.ticks, step.event.seq)
         elif step.skipped:
             self.degrade()
         elif not isinstance(recorded, Revision) and position not in self.keeping.placed:
