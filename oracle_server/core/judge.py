@@ -312,7 +312,7 @@ class Judge(Telling):
         self._recent.add(self.counters.steps, self.present, step, signals, failed)
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
-        latest = step.event.arrived - self._slack  # a clock that is far behind must not prolong a grace
+        latest = self._surely_past(step)
         allowed, self._idle_work, self._explained = self._allowed, 0, 0
         for state, view in zip(self.properties, stream.views, strict=True):
             worse.append(degraded or state.failures > 0 or state.renewed)
@@ -338,6 +338,10 @@ class Judge(Telling):
                 )
             )
         return self._conclude(step, number, tuple(verdicts), now, decision)
+
+    def _surely_past(self, step: Step) -> int:
+        """A time (ns) that is past, whatever the step's stamp: a clock that is far behind must not prolong a grace."""
+        return step.event.arrived - self._slack
 
     def _blameless(self, step: Step, stream: StreamPlan) -> frozenset[int]:
         """The guards with `blame: caused` that would be negative without the event too."""

@@ -46,6 +46,7 @@ class RevisingJudge(RewindableJudge):
         self._deadline = 0
         """The latest deadline that was told, or stands before a step without order (ns); a step no younger is late."""
         self._numbered = 0  # steps that were judged
+        self._placing = False  # whether the step that is judged is late, and is put in its place
         self.ahead: deque[Kept | Late | Step | Until] = deque()
         """What is to be judged in a pass; empty where none goes on."""
         self.overtaken: list[Step] = []
@@ -219,6 +220,10 @@ class RevisingJudge(RewindableJudge):
         """The key of a step that is not in order: behind all that was judged, and deadlines up to a level (ns)."""
         return max(key_of(self.present), key_of(level, tick=True))
 
+    def _surely_past(self, step: Step) -> int:
+        """Nothing but its stamp, of a step that stands where that has it: a deadline tells that a grace is over."""
+        return 0 if self._placing or self._is_placed(step) else super()._surely_past(step)
+
     def _is_ordered(self, step: Step) -> bool:
         return self.plan.streams[step.event.stream].spec.ordered
 
@@ -298,8 +303,9 @@ class RevisingJudge(RewindableJudge):
         """Judge a step for the first time: in its place, or behind all others, and deadlines up to a `level` (ns)."""
         counters = self.counters
         steps = counters.steps
-        self._recent.number = self._numbered + 1
+        self._recent.number, self._placing = self._numbered + 1, placed
         judged = self.judge(step, now)
+        self._placing = False
         undone = counters.steps == steps
         self._numbered += not undone
         if placed:
@@ -326,6 +332,7 @@ class RevisingJudge(RewindableJudge):
         for state, verdict in broken:
             state.repeated = verdict.outcome
         self._not_before, self._recent.number = row.present, row.judged.number
+        self._placing = row.judged.place is not None
         asked = None if self.asked is None or self.asked.position != row.position else self._states[self.asked.prop]
         if asked is not None:
             asked.asked = True
@@ -335,6 +342,7 @@ class RevisingJudge(RewindableJudge):
         else:
             judged = self._judge(row.step, row.judged.judged)
         self._not_before, self._numbers, self._degraded, self.counters.denied = 0, numbers, degraded, denied
+        self._placing = False
         for state, _ in broken:
             state.repeated = None
         stands, verdicts = row.judged, merged(row.judged.verdicts, judged.verdicts)
