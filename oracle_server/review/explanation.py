@@ -7,12 +7,11 @@ from functools import partial
 
 from oracle_server.core.events import ENDED, Order
 from oracle_server.core.plan import Plan
-from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.revise.queued import Asked
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.session import Session
-from oracle_server.core.spec import SECOND, Property, Spec
+from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.core.verdicts import explained as with_explanation
 from oracle_server.engines.table import ENGINES
@@ -20,6 +19,7 @@ from oracle_server.history.port import Reading
 from oracle_server.history.records import SnapshotRecord, StoredStep, recorded
 from oracle_server.history.views import View, records, said
 from oracle_server.review.again import GONE, Again, NoExplanationError, judge_in_thread, plan_of
+from oracle_server.review.unknown import why_unknown
 
 _REMEMBERED = 20_000
 """Past steps that an explanation can refer to."""
@@ -55,7 +55,10 @@ async def explained(history: Reading, session: int, n: int, view: View = "standi
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
-    _demand_explicable(record, ready.spec, prop, stored, opened.begun)
+    _demand_explicable(record, prop, stored)
+    if record["outcome"] == Outcome.UNKNOWN:
+        reason = await why_unknown(history, session, stored, index, ready, opened.begun)
+        raise NoExplanationError(f"verdict {n} is no judgement: {reason}")
     target = await _decided(history, session, stored, index, ready)
     if ready.spec.ordering.late == "revise":
         step = stored if target == stored.position else await history.step(session, target)
@@ -67,28 +70,11 @@ async def explained(history: Reading, session: int, n: int, view: View = "standi
     return with_explanation(record, await _explain(history, session, again))
 
 
-def _demand_explicable(
-    record: VerdictRecord, spec: Spec, prop: Property, stored: StoredStep, begun: int | None
-) -> None:
+def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep) -> None:
     if not ENGINES[prop.engine].explicable:
         raise NoExplanationError(f"the engine of '{prop.id}' can't explain its verdicts")
     if stored.step.skipped and not stored.is_tick:
         raise NoExplanationError(f"verdict {record['n']} is no judgement: its event was late, or could not be stored")
-    if record["outcome"] == Outcome.UNKNOWN:
-        failed = ", ".join(sorted(stored.step.failed))
-        reason = f"computing failed for {failed}" if failed else "the engine failed"
-        read = spec.derived_of(prop)
-        if read and not failed:
-            reason = f"a sample of {' or '.join(read)} has failed, or the engine did"
-        allowed, time = grace(prop.formula, prop.time), stored.step.event.arrived
-        if (
-            not failed
-            and allowed
-            and begun is not None
-            and (time if stored.order == "arrival" else stored.step.time) < begun + allowed
-        ):
-            reason = f"the session began less than {allowed / SECOND:g} s before, so that nothing is missing yet"
-        raise NoExplanationError(f"verdict {record['n']} is no judgement: {reason}")
 
 
 async def _decided(history: Reading, session: int, stored: StoredStep, index: int, ready: Plan) -> int:
