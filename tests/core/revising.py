@@ -314,9 +314,12 @@ def keys_of(spec: Spec, row: Judged) -> frozenset[tuple[str, str]]:
 
 
 class Sorted(Judge):
-    """A judge to which a step without order comes at the time at which it came first."""
+    """A judge to which a step without order comes at the time at which it came first, and others in their places."""
 
     at_least = 0
+
+    def _surely_past(self, step: Step) -> int:
+        return 0 if self.plan.streams[step.event.stream].spec.ordered else super()._surely_past(step)
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         super()._move_on(step, stream)
