@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import msgspec
@@ -145,15 +145,6 @@ class Judge(Telling):
         for state in self.properties:
             state.begin(time)
         self._derived.begin(time)
-
-    def degrade(self) -> None:
-        """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
-        self._degraded = True
-
-    def bypass(self, properties: Collection[int]) -> None:
-        """Mark the verdicts of these properties, by their indexes, as degraded until this is called again."""
-        for i, state in enumerate(self.properties):
-            state.bypassed = i in properties
 
     def judge(self, step: Step, now: int) -> Judged:
         """Judge one step, or skip it; `now` becomes its time of judgement."""

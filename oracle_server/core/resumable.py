@@ -56,6 +56,8 @@ class Resumable:
         """
         assert self.lateness is not None  # noqa: S101 -- only called where it does
         self.note_again(recorded.step, recorded.judged)
+        if recorded.step.event.lost:
+            self.note_loss()
         self.lateness.judge.rejudge(recorded, position)
 
     def finish_again(self) -> None:
@@ -66,11 +68,8 @@ class Resumable:
     def note_again(self, step: Step, judged: int) -> None:
         """Note of a recorded row that is judged again, where the spec revises, what does not concern its judge."""
         self.now = max(self.now, judged)
-        if step.event.monitor:
-            if not step.late and self.plan.spec.by_key[step.event.stream].ordered:
-                self.buffer.present = step.time
-            if step.event.lost:
-                self.note_loss()
+        if step.event.monitor and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
+            self.buffer.present = step.time
 
     @property
     def can_be_saved(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 
 from oracle_server.core.counting import Counters
@@ -44,6 +44,20 @@ class Telling:
     def remember(self, steps: int, effort: int) -> None:
         """Before the first step: remember this many steps, and spend this much on an explanation."""
         self._recent = Recent(steps, effort)
+
+    def degrade(self) -> None:
+        """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
+        self._degraded = True
+
+    def bypass(self, properties: Collection[int]) -> None:
+        """Mark the verdicts of these properties, by their indexes, as degraded until this is called again."""
+        for i, state in enumerate(self.properties):
+            state.bypassed = i in properties
+
+    def recall(self, degraded: bool, bypassed: Collection[int]) -> None:
+        """Bring back what a recorded row, which is judged again next, tells of losses before it, and of `bypass`."""
+        self._degraded = degraded
+        self.bypass(bypassed)
 
     def _event(self) -> EventRecord:
         return self._recent.last()

@@ -36,10 +36,7 @@ class Again:
                 "verdicts would differ; use --by to judge the recorded events afresh"
             )
         self._begun = True
-        if place.degraded:
-            session.judges[place.order].degrade()
         bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
-        session.judges[place.order].bypass(bypassed)
         for index in session.plan.external:
             session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
         placed = Step(
@@ -48,7 +45,9 @@ class Again:
         )  # fmt: skip
         if self._recurring is not None:
             session.note_again(placed, place.judged)
-            return self._recurring.take(Row(position, placed, place.judged, place.place is not None))
+            known = Row(position, placed, place.judged, place.place is not None, place.degraded, bypassed)
+            return self._recurring.take(known)
+        session.judges[place.order].recall(place.degraded, bypassed)
         judged = session.rejudge(place.order, placed, place.judged)
         return [] if judged is None else [judged]
 

@@ -83,6 +83,7 @@ class Ledger:
         self._violations = ViolationLog(opened.id, clock)
         self._position = 0
         self._unwritten: list[Judged] = []
+        self._timer: asyncio.TimerHandle | None = None
 
     def resume(self, restored: Restored) -> None:
         """Continue a restored session where it was."""
@@ -95,6 +96,8 @@ class Ledger:
     def end(self) -> None:
         """Write what is left; episodes end with the session, which is told once it is committed, as all else."""
         self.write()
+        if self._timer is not None and not self._unwritten:
+            self._timer.cancel()  # else it would keep the session alive
         ended = going_on(self._core.judges, self._names, closed=True)
         frames, standing = ended_frames(self._record, self._core.judges), self._standing.ended(self._last_verdict)
         done = partial(self._share.run, self._committed, [], self._position, [], frames, standing, [])
@@ -104,14 +107,17 @@ class Ledger:
     def add(self, judged: list[Judged]) -> None:
         """Queue judged steps; many are written together, within `_WRITE_AFTER`, and all of one call are."""
         if not self._unwritten:
-            asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
+            self._write_soon()
         self._unwritten += judged
+
+    def _write_soon(self) -> None:
+        self._timer = asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
 
     def write(self) -> None:
         """Write all queued steps to the history; where that fails, nothing more of the session is kept."""
         judged, self._unwritten = self._whole()
         if self._unwritten:
-            asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
+            self._write_soon()
         if not judged:
             return
         try:

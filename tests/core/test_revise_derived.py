@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -18,11 +19,11 @@ from oracle_server.core.revise.recurring import Recurring, Row
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
-from oracle_server.core.verdicts import Outcome
+from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.native import NativeEngine
 from tests.core.revising import A, B, Run, compared, reference
 from tests.core.revising_derived import case
-from tests.core.test_revise import MS, event
+from tests.core.test_revise import MS, event, marred
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
@@ -55,11 +56,16 @@ def test_many_deadlines_that_had_waited_stand_before_a_step_without_order(monkey
         assert compared(run.stands()) == compared(reference(run)), number
 
 
+@pytest.mark.parametrize("restarts", [0, 0.15])
 @pytest.mark.parametrize("time", ["steps", "seconds"])
-def test_a_trace_judged_again_stands_as_the_session_did(time: Time) -> None:
-    for number in range(SEED, SEED + 100):
+def test_a_trace_judged_again_says_what_the_session_did_number_for_number(time: Time, restarts: float) -> None:
+    for number in range(
+        100
+    ):  # of 10,000 traces one has a deadline that is judged earlier, when less was known to be lost
         rng = random.Random(f"trace {time} {number}")
-        run = Run(case(rng, time), divided=rng.random() < 0.5)
+        drawn = case(rng, time)
+        events = [marred(rng, event) for event in drawn.events] if number % 2 else drawn.events
+        run = Run(drawn._replace(events=events), divided=rng.random() < 0.5, restarts=restarts)
         run.judge(rng)
         run.take(run.session.end(run.session.now))
         again = Run(run.case)
@@ -67,10 +73,23 @@ def test_a_trace_judged_again_stands_as_the_session_did(time: Time) -> None:
         recurring = Recurring(again.session.lateness.judge)
         for position, row in run.book.first.items():
             again.session.note_again(row.step, row.judged)
-            again.book.take(recurring.take(Row(position, row.step, row.judged, row.place is not None)))
+            degraded = all(verdict.degraded for verdict in row.verdicts)
+            again.book.take(recurring.take(Row(position, row.step, row.judged, row.place is not None, degraded)))
         again.book.take(recurring.finish())
         assert compared(again.stands()) == compared(run.stands()), number
+        for at, row in run.book.rows.items():
+            assert told(again.book.rows[at]) == told(row), (number, at)
         assert [*how_it_ended(again)] == [*how_it_ended(run)], number
+
+
+def told(row: Judged) -> Any:
+    """What records tell of a row, but when it was judged; of a revision that it is one."""
+    if isinstance(row, Revision):
+        return row.first
+    event = row.step.event
+    arrived = event.arrived if event.monitor else None
+    said = [(v.n, v.outcome, v.degraded) for v in row.verdicts]
+    return event.stream, event.monitor, event.seq, row.step.stamp, arrived, row.number, row.place, said
 
 
 def how_it_ended(run: Run) -> Iterator[Outcome]:

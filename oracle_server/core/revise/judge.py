@@ -39,8 +39,8 @@ class RevisingJudge(RewindableJudge):
         super().__init__(plan, engines, order, numbers)
         self.ticking = False
         """Whether deadlines are judged."""
-        self.recurring = False
-        """Whether what it judges was judged before, with the deadlines that had waited long enough then."""
+        self.recurring: Callable[[], int] | None = None
+        """Recalls how the next row was said, and returns when (ns), where all was judged before."""
         self._level = 0
         """Up to when (ns) deadlines were judged, in so far as there were any."""
         self._deadline = 0
@@ -71,6 +71,11 @@ class RevisingJudge(RewindableJudge):
     def is_going(self) -> bool:
         """Whether a pass goes on."""
         return bool(self.ahead)
+
+    @property
+    def said(self) -> int:
+        """How many rows the pass that goes on has said so far."""
+        return len(self._outputs)
 
     def is_late(self, step: Step) -> bool:
         """Whether a step is older than what was judged, where a deadline counts as younger than a step at its time."""
@@ -242,6 +247,8 @@ class RevisingJudge(RewindableJudge):
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         """Judge a deadline; None where it changes nothing, and where it was told before."""
+        if self.recurring is not None:
+            now = self.recurring()
         tick = self.tick(time, now)
         if tick is None:
             return None
@@ -301,6 +308,8 @@ class RevisingJudge(RewindableJudge):
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False, level: int = 0) -> Judged:
         """Judge a step for the first time: in its place, or behind all others, and deadlines up to a `level` (ns)."""
+        if self.recurring is not None:
+            now = self.recurring()
         counters = self.counters
         steps = counters.steps
         self._recent.number, self._placing = self._numbered + 1, placed
