@@ -80,8 +80,8 @@ class _Frontier:
             self.reached = clock
 
     def is_told(self, stamp: int) -> bool:
-        """Whether a clock alone, and not what came, tells that nothing older than a stamp will come."""
-        return not self.publishers or self._first() < stamp
+        """Where nothing older than a stamp will come: whether a clock alone tells so, and not what came."""
+        return self.clock is not None and self.clock >= stamp and (not self.publishers or self._first() < stamp)
 
     def _first(self) -> int:
         """The least of the newest stamps."""

@@ -11,24 +11,21 @@ from oracle_server.core.events import Order, Step
 from oracle_server.core.verdicts import Judged
 
 
-class Rows:
-    """The rows of an event of which the first ones may be judged; nothing else is judged before they all are."""
+class Rows(deque[tuple[Order, Step]]):
+    """The rows of an event of which the first ones may be judged; nothing else is judged before they all are.
 
-    def __init__(self) -> None:
-        self._waiting: deque[tuple[Order, Step]] = deque()
-
-    def __bool__(self) -> bool:
-        return bool(self._waiting)
+    Each event asks several times whether there are any, which costs nothing of a deque.
+    """
 
     def add(self, order: Order, step: Step) -> None:
         """Let the rows of a step wait."""
-        self._waiting.extend((order, row) for row in _rows_of(step))
+        self.extend((order, row) for row in _rows_of(step))
 
     def judge(self, judge: Callable[[Order, Step], list[Judged]], enough: Callable[[], bool] | None) -> list[Judged]:
         """Judge those that wait, until `enough`; None: all of them."""
         judged: list[Judged] = []
-        while self._waiting:
-            judged += judge(*self._waiting.popleft())
+        while self:
+            judged += judge(*self.popleft())
             if enough is not None and enough():
                 break
         return judged
