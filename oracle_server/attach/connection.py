@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
-from typing import assert_never
+from collections.abc import Callable, Mapping
+from typing import Any, assert_never
 
 import structlog
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -191,9 +191,9 @@ class Connection:
                     self._due_pause = 0.0
                 await session.share.rested()
                 await session.caught_up()
-                session.share.run(self._process_frame, data)
+                session.share.run(self._process_frames, data)
                 await self._send_replies()
-                while self._throttle.must_yield or self._conversation.in_batch:
+                while self._conversation.in_batch:
                     await asyncio.sleep(self._pause())  # yields even for 0 s
                     await session.share.rested()
                     await session.caught_up()
@@ -259,18 +259,17 @@ class Connection:
 
     async def _next(self) -> str | bytes:
         """Receive the next frame that `offer` has declined."""
-        self._idle = True
+        self._idle = True  # also while others are served: else all frames would come here once one has
         try:
+            if self._throttle.must_yield:
+                self._due_pause = self._pause()
+                await asyncio.sleep(0)  # the turn of others
             return await self._receive()
         finally:
             self._idle = False
 
     async def _receive(self) -> str | bytes:
-        message = await self._socket.receive()
-        if message["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect(message.get("code", 1006))
-        text: str | None = message.get("text")
-        return message.get("bytes") or b"" if text is None else text
+        return _data_of(await self._socket.receive())
 
     def offer(self, text: str) -> bool:
         """Process a frame on its arrival, since waking the reader would take longer than judging.
@@ -328,6 +327,17 @@ class Connection:
 
     # Processing
 
+    def _process_frames(self, data: str | bytes) -> None:
+        """Process a frame and those that wait behind it, until its batch or others should be gone on with."""
+        assert self._attached is not None  # noqa: S101 -- only called once attached
+        session, conversation = self._attached[0], self._conversation
+        self._process_frame(data)
+        while not (conversation.in_batch or conversation.ended or self._throttle.must_yield or session.is_behind):
+            message = self._direct.receive_waiting() if self._direct is not None and session.has_room else None
+            if message is None:
+                return
+            self._process_frame(_data_of(message))
+
     def _process_frame(self, data: str | bytes, *, batches: bool = True) -> bool:
         """Process a frame; False for a batch where `batches` is False."""
         self._throttle.count()
@@ -357,6 +367,14 @@ class Connection:
             self._processing = False
             if conversation.ended:
                 self._ready.set()
+
+
+def _data_of(message: Mapping[str, Any]) -> str | bytes:
+    """What a message of the socket holds. Raises `WebSocketDisconnect` where it is the last one."""
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1006))
+    text: str | None = message.get("text")
+    return message.get("bytes") or b"" if text is None else text
 
 
 def _dispatch(message: Received, session: LiveSession, monitor: Monitor) -> None:

@@ -65,11 +65,15 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
     async def receive(self) -> ASGIReceiveEvent:
         """The next message; once none waits, what was read is gone on with."""
         message = await self.queue.get()
-        if self.queue.empty() and self._next is None:
-            if self._unread:
-                self._next = self.loop.call_soon(self._go_on)  # a later message must not overtake this one
-            else:
-                self._read_on()
+        self._taken()
+        return message
+
+    def receive_waiting(self) -> ASGIReceiveEvent | None:
+        """The next message where one waits, else None."""
+        if self.queue.empty():
+            return None
+        message = self.queue.get_nowait()
+        self._taken()
         return message
 
     async def send(self, message: ASGISendEvent) -> None:
@@ -88,6 +92,13 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
         """Answer a ping, unless the connection is lost."""
         if not self.transport.is_closing():
             super().handle_ping()
+
+    def _taken(self) -> None:
+        if self.queue.empty() and self._next is None:
+            if self._unread:
+                self._next = self.loop.call_soon(self._go_on)  # a later message must not overtake this one
+            else:
+                self._read_on()
 
     def _lose(self, exc: Exception | None) -> None:
         self._process(anyway=True)

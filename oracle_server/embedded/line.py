@@ -138,10 +138,21 @@ class Line:
     async def receive(self) -> dict[str, Any]:
         """The next frame that could not be processed on its arrival."""
         message = await self._inbox.get()
+        self._taken()
+        return message
+
+    def receive_waiting(self) -> dict[str, Any] | None:
+        """The next of them where one waits, else None."""
+        if self._inbox.empty():
+            return None
+        message = self._inbox.get_nowait()
+        self._taken()
+        return message
+
+    def _taken(self) -> None:
         if self._crowded and self._inbox.qsize() < _WAITING // 2:
             self._crowded = False
             self._put(self._ends.room)
-        return message
 
     async def send_text(self, text: str) -> None:
         """Send a frame."""

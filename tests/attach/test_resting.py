@@ -11,8 +11,10 @@ from typing import Any, cast
 import pytest
 from starlette.websockets import WebSocket
 
+from oracle_server.attach import throttle
 from oracle_server.attach.connection import Connection
 from oracle_server.edge.tokens import Grant
+from oracle_server.edge.transport import DIRECT
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.registry import Registry
@@ -75,6 +77,15 @@ class Socket:
     def heard(self) -> list[str]:
         """The types of all frames that were sent and not heard yet."""
         return [self.sent.get_nowait()["type"] for _ in range(self.sent.qsize())]
+
+
+class Direct(Socket):
+    """One that tells what waits."""
+
+    receiver: object = None
+
+    def receive_waiting(self) -> dict[str, Any] | None:
+        return None if self.arrived.empty() else self.arrived.get_nowait()
 
 
 class Talk:
@@ -229,3 +240,54 @@ async def test_what_is_processed_on_arrival_waits_too(talk: Talk) -> None:
     talk.connection.take(lambda: None)
     talk.connection.take(arrive)
     assert taken[2:] == [False]
+
+
+async def test_what_arrives_while_others_have_their_turn_is_taken_on_its_arrival(
+    talk: Talk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else one frame that has waited for the reader would lead all later ones through it, for as long as they come."""
+    monkeypatch.setattr(throttle, "_AT_ONCE", 1)
+    taken: list[bool] = []
+
+    def arrive() -> None:
+        taken.append(talk.connection.offer(json.dumps(talk.asks(2))))
+
+    judged = talk.session.ingest
+
+    def ingest(*event: Any) -> Any:
+        asyncio.get_running_loop().call_soon(talk.connection.take, arrive)  # before the reader has its next turn
+        monkeypatch.setattr(talk.session, "ingest", judged)
+        return judged(*event)
+
+    monkeypatch.setattr(talk.session, "ingest", ingest)
+    talk.socket.says(talk.asks(1))
+    decisions = await talk.socket.hears("decision", 2)
+    assert (taken, [d["seq"] for d in decisions]) == ([True], [1, 2])
+
+
+async def test_frames_that_wait_are_processed_in_one_turn_which_ends(
+    talk: Talk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(throttle, "_AT_ONCE", 3)
+    monkeypatch.setattr(throttle, "_TURN", PATIENCE)
+    socket = Direct()
+    socket.scope["extensions"] = {DIRECT: socket}
+    serving = asyncio.create_task(Connection(cast("WebSocket", socket), talk.sessions).serve())
+    socket.says({"type": "attach", "monitor": "n", "instance": "i", "session": "s", "spec": "guard"})
+    await socket.hears("attached")
+    turns: list[int] = []
+    run = talk.session.share.run
+
+    def charged(*work: Any) -> Any:
+        before = talk.session.monitors["n"].unsettled
+        run(*work)
+        turns.append(talk.session.monitors["n"].unsettled - before)
+
+    monkeypatch.setattr(talk.session.share, "run", charged)
+    for seq in range(1, 6):
+        socket.says(talk.asks(seq))
+    decisions = await socket.hears("decision", 5)
+    assert [d["seq"] for d in decisions] == [*range(1, 6)]
+    assert [events for events in turns if events > 0] == [3, 2]
+    socket.leaves()
+    await asyncio.wait((serving,))

@@ -136,6 +136,19 @@ async def test_what_came_first_is_taken_first_whoever_takes_it(opened: Open) -> 
     await until(lambda: opened.transport.reading)
 
 
+async def test_what_waits_is_had_without_waiting_and_what_was_read_behind_it_comes_next(opened: Open) -> None:
+    opened.receiver.takes = False
+    opened.says(*SMALL)
+    got = 0
+    while (message := opened.socket.receive_waiting()) is not None:
+        assert cast("dict[str, str]", message)["text"] == SMALL[got]
+        got += 1
+    assert 0 < got < len(SMALL)
+    opened.receiver.takes = True
+    await until(lambda: opened.transport.reading)
+    assert opened.receiver.texts == SMALL[got:]
+
+
 async def test_nothing_more_is_processed_while_the_session_rests_but_a_ping_is_answered(
     opened: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
