@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.lacks import quoted
 from oracle_server.core.misfits import described, range_at
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
@@ -35,7 +36,9 @@ def _lacking(prop: Property, where: list[Place]) -> Iterator[str]:
     read = [key for key in _read(prop) if any(place.has(key) for place in where)]
     lacking = {place.name: [key for key in read if not place.has(key)] for place in where}
     listed = ", ".join(f"{stream} ({', '.join(keys)})" for stream, keys in lacking.items() if keys)
-    if listed:
+    if read and not any(all(place.has(key) for key in read) for place in where):
+        yield f"property '{prop.id}' is never judged: no step has all of {quoted(read)}; `hold` keeps the last value"
+    elif listed:
         yield f"property '{prop.id}' is unknown where a signal is missing: {listed}; `hold` keeps the last value"
 
 

@@ -102,7 +102,10 @@ def _never(atom: Atom, could: Sequence[Place]) -> str:
         return f"`{render_atom(atom)}` never holds: no value of `{own[0].key}` meets {listed}"
     key = own[0].key
     found = range_at(key, could)
-    culprit = next((c for c in own if not found.meets([c])), own[0])
+    culprit = next((c for c in own if not found.meets([c])), None)
+    if culprit is None:
+        listed = f"{', '.join(shown[:-1])} and {shown[-1]}"
+        return f"{listed} are never met together: `{key}` of {names_of(could)} is always {described(found)}"
     text = constraint_text(culprit)
     return f"`{text}` is never met: `{key}` of {names_of(could)} is always {described(found)}{_mend(culprit, found)}"
 

@@ -123,7 +123,7 @@ def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Pla
     owns = [_own(stream, (types or {}).get(stream.key), holding, ranges) for stream in spec.streams]
     streams = list(zip(spec.streams, owns, strict=True))
     held = {name: own.get(name, ANYTHING) for stream, (own, _) in streams for name in stream.hold}
-    derived = derived_ranges(spec) if spec.derive else {}
+    derived = derived_ranges(spec, _all(spec, owns, types or {})) if spec.derive else {}
     held |= {definition.name: ranges.same(derived[definition.name]) for definition in spec.derive}
     found = []
     for stream, (own, always) in streams:
@@ -135,6 +135,19 @@ def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Pla
     if time == "seconds":
         found.append(Place(None, {}, frozenset(), {}, held, open=False))
     return [replace(place, lack=_lack(spec, place)) for place in found] if spec.derive else found
+
+
+def _all(
+    spec: Spec, owns: Sequence[tuple[Mapping[str, Range], frozenset[str]]], types: StreamTypes
+) -> dict[str, Range] | None:
+    """The values of all signals of messages, None where a message may have others, too."""
+    if any(stream.signals is None and stream.key not in types for stream in spec.streams):
+        return None
+    found: dict[str, Range] = {}
+    for own, _ in owns:
+        for name, values in own.items():
+            found[name] = found.get(name, Range()) | values
+    return found
 
 
 def _lack(spec: Spec, place: Place) -> dict[str, tuple[str, ...]]:

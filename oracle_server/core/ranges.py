@@ -50,6 +50,12 @@ class Range:
         written = any(not isinstance(value, str | bool) for value in self.values)
         return written or "number" in self.kinds or self.whole is not None
 
+    @property
+    def numbers(self) -> Range:
+        """What of it is a number."""
+        values = tuple(value for value in self.values if not isinstance(value, str | bool))
+        return Range(self.kinds & {"number"}, values, self.whole)
+
     def meets(self, constraints: Sequence[Constraint]) -> bool:
         """Whether some value meets all constraints, which are on one signal."""
         return any(all(meets(c, v) for c in constraints) for v in self.telling(constraints))

@@ -27,17 +27,22 @@ from oracle_server.core.plan import can_meet
 from oracle_server.core.spec import Property, Spec
 
 
+def lasting(spec: Spec, carried: Iterable[str] = ()) -> frozenset[str]:
+    """The signals that a step may have which has none of its own, but those that it is `carried` by."""
+    holds = frozenset(carried).union(*(stream.hold for stream in spec.streams))
+    return (spec.kept | holds) - lacking(spec.derive, holds.__contains__).keys()
+
+
+def without_signals(kept: frozenset[str]) -> Callable[[Atom], bool | None]:
+    """What is known of atoms at a step that has no signals but some of those that are `kept`."""
+    return lambda atom: True if atom == TRUE else None if all(c.key in kept for c in atom.constraints) else False
+
+
 def mendable(spec: Spec, prop: Property, name: str) -> bool:
     """Whether the property always holds at a step without signals, or never fails at an event of the stream."""
-    holds = frozenset[str]().union(*(stream.hold for stream in spec.streams))
-    held = spec.kept - lacking(spec.derive, holds.__contains__).keys()
+    quiet = without_signals(lasting(spec))
     named = [s for s in spec.streams if s.name == name]
     own = [s for s in named if s.action == "filter"] or named
-
-    def quiet(atom: Atom) -> bool | None:
-        if atom == TRUE:
-            return True
-        return None if all(c.key in held for c in atom.constraints) else False
 
     def at_event(atom: Atom) -> bool | None:
         if atom == TRUE:

@@ -44,15 +44,22 @@ MACHINE = "{start: a, states: {a: {up: b}, b: {down: a}}}"
         ("{age: '{topic: /on} and {n > 3}'}", "up: '{on}'", "`{topic: \"/on\"} and {n > 3}` never holds, whatever the "
          "messages say: only /n has `n`; name it under `hold` of /n, so that it keeps its value"),
         ("{rate: '{n >= 0}', over: 1s}", "up: '{on}'", "`n >= 0` is met by every value"),
-        ("{count: '{topic: /n} or not {topic: /n}', over: 1s}", "up: '{on}'",
-         "`{topic: \"/n\"} or not {topic: \"/n\"}` holds at every event, whatever the messages say"),
         ("{follows: on, states: {'true': ['maybe'], 'maybe': ['true']}}", "up: '{on}'",
          "no value of `on` is the state 'maybe': it is always true or false"),
         ("{follows: n, states: {'1': ['2'], '2': ['300'], '300': ['1']}}", "up: '{on}'",
          "no value of `n` is the state '300': it is always a whole number from 0 to 255"),
         (MACHINE, "up: '{mode: AUTO}', down: '{on}'",
-         '`{mode: "AUTO"}` holds at the messages of all streams, since `mode` of /mode is held, so that the event '
-         'comes again at each of them; write `{topic: "/mode", mode: "AUTO"}` if it is one of /mode alone'),
+         '`{mode: "AUTO"}` comes again at each message while it holds, since `mode` keeps its value; write it with '
+         "/mode, as in `{topic: …} and …`, if it is to come once"),
+        ("{sum: n, over: 1s, by: user}", "up: '{on}'", "none of its samples counts: none has `user`; only /pay has "
+         "`user`; name it under `hold` of /pay, so that it keeps its value"),
+        ("{count: '{topic: /n}', over: 1s, by: user}", "up: '{on}'", "none of its samples counts: none has `user`"),
+        ("{follows: mode, by: user, forget: 1h, states: {A: [B], B: [A]}}", "up: '{on}'",
+         "no event of it counts: none has `user`"),
+        ("{sequence: up down, by: [user, mode], forget: 1h}", "up: '{n: 1, mode: A}', down: '{on, mode: B}'",
+         "no event of it makes a machine: none has all of `user` and `mode`; only /pay has `user`"),
+        ("{follows: n, states: {'1.0': ['2'], '2': ['1.0']}}", "up: '{on}'", "no value of `n` is the state '1.0'"),
+        ("n - amount", "up: '{on}'", "it is never there: only /n has `n`; name it under `hold` of /n"),
         ("{start: a, states: {a: {up: b}, b: {}, error: {up: a, within: 3s}}}", "up: '{on}'",
          "`within` of 'error' is never told of: `machine: m` is violated as long as the machine is there"),
     ],
@@ -73,6 +80,9 @@ def test_what_hardly_was_meant_is_told(of: str, events: str, says: str) -> None:
         "{follows: mode, states: {A: [B], B: [A]}}",
         "{follows: n, states: {'1': ['2'], '2': ['1']}}",
         "{sequence: 'up (down | up)*'}",
+        "{count: '{topic: /on} or not {topic: /on}', over: 1s}",
+        "{sum: amount, over: 1s, by: user}",
+        "{sum: n, over: 1s, by: mode}",
     ],
 )
 def test_nothing_is_said_of_what_is_right(of: str) -> None:
@@ -86,7 +96,9 @@ def test_a_pattern_is_told_of_at_its_place() -> None:
     assert "`n > 256` is never met" in found.message
 
 
-KEYED = "derive: {spent: {sum: amount, over: 1h, by: user}, twice: 2.0 * spent, gap: speed - n, d: {delta: speed}}\n"
+KEYED = (
+    "derive: {spent: {sum: amount, over: 1h, by: user}, twice: 2.0 * spent, gap: amount - user, d: {delta: speed}}\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +107,7 @@ KEYED = "derive: {spent: {sum: amount, over: 1h, by: user}, twice: 2.0 * spent, 
         ("{topic: /cmd} -> {spent <= 5}", "`{spent <= 5}` never holds at an event of /cmd: `spent` needs `user`, and "
          "only /pay has `user`; name it under `hold` of /pay, so that it keeps its value"),
         ("not {topic: /cmd, twice > 5}", "`twice` needs `user`, and only /pay has `user`"),
-        ("{topic: /cmd} -> not {gap < 0}", "`gap` needs `n`, and only /n has `n`"),
+        ("{topic: /cmd} -> not {gap < 0}", "`gap` needs `amount` and `user`, and only /pay has `amount` and `user`"),
         ("{topic: /n} -> {d < 1}", "`d` needs `speed`, and only /cmd has `speed`"),
     ],
 )  # fmt: skip
@@ -118,15 +130,79 @@ def test_with_its_key_held_it_is_there_everywhere() -> None:
     assert parse_spec(text, "s.yaml").warnings == ()
 
 
-def test_silence_that_is_not_seen_is_told() -> None:
-    (found,) = told("properties: [{id: p, pattern: 'while {on}: /n every 2s'}]\n")
-    assert found == (
-        "pattern of 'p': silence does not violate it: `on` is not there when no message comes; name it under `hold` of "
-        "its stream, so that it keeps its value"
+@pytest.mark.parametrize(
+    ("prop", "says"),
+    [
+        ("pattern: 'while {on}: /n every 2s'", "`on` is not there while no message comes; name it under `hold` of its "
+         "stream, so that it keeps its value"),
+        ("pattern: 'while {on}: always {a <= 2}', time: seconds", "`on` is not there while no message comes"),
+        ("time: seconds, formula: '{on} -> {a <= 2}'", "`on` is not there while no message comes"),
+        ("pattern: 'while {topic: /on}: /n every 2s'", "its scope is one message, and over at once; write what opens "
+         "and closes it, as in `after E until E`"),
+    ],
+)  # fmt: skip
+def test_silence_that_no_deadline_tells_is_told_of(prop: str, says: str) -> None:
+    (found,) = told(f"derive: {{a: {{age: '{{topic: /n}}'}}}}\nproperties: [{{id: p, {prop}}}]\n")
+    assert found.endswith(" of 'p': no deadline violates it, so that silence is not told: " + says) or says in found
+
+
+@pytest.mark.parametrize(
+    "prop",
+    [
+        "pattern: 'while {mode: AUTO}: /n every 2s'",
+        "pattern: 'after /on until /on {on}: /n every 2s'",
+        "pattern: 'while {on}: at most 3 /n within 1s'",
+        "time: seconds, formula: '{topic: /cmd} -> {a <= 2}'",
+        "time: seconds, formula: '{mode: AUTO} -> {a <= 2}'",
+        "pattern: 'while {spent <= 1}: {amount: 100} at least 2 Hz over 1s'",
+    ],
+)
+def test_nothing_is_said_of_silence_that_a_deadline_tells(prop: str) -> None:
+    derive = "{a: {age: '{topic: /n}'}, spent: {sum: amount, over: 1s, by: user}}"
+    assert told(f"derive: {derive}\nproperties: [{{id: p, {prop}}}]\n") == []
+
+
+def test_an_event_that_comes_again_moves_nothing_where_its_state_keeps_it() -> None:
+    rows = "{start: a, states: {a: {up: b, down: a}, b: {up: b, down: a}}}"
+    assert derived(rows, "up: '{mode: AUTO}', down: '{mode: IDLE}'") == []
+    assert derived(MACHINE, "up: '{on} and {mode: AUTO}', down: '{topic: /mode, mode: IDLE}'") == []
+
+
+def test_a_heartbeat_of_one_topic_is_nothing_to_warn_of() -> None:
+    text = (
+        "id: t\nstreams: [{topic: /hb}]\nproperties: [{id: p, pattern: '/hb every 2s'}, "
+        "{id: q, pattern: '/hb at least 2 Hz over 1s'}, {id: r, pattern: 'at most 5 /hb within 1s'}]\n"
     )
-    for seen in ("while {mode: AUTO}: /n every 2s", "after /on until /on {on}: /n every 2s",
-                 "while {on}: at most 3 /n within 1s"):  # fmt: skip
-        assert told(f"properties: [{{id: p, pattern: '{seen}'}}]\n") == []
+    assert parse_spec(text, "s.yaml").warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("of", "formula", "says"),
+    [
+        (
+            "{count: '{topic: /n}', over: 20}",
+            "not {m > 30}",
+            "`m` of /on, /n, /mode and 2 more is always a whole number from 0 to 20",
+        ),
+        ("{max: n, over: 1s}", "not {m > 300}", "is always a whole number from 0 to 255"),
+        ("{last: n}", "not {m > 300}", "is always a whole number from 0 to 255"),
+        ("n", "not {m > 300}", "is always a whole number from 0 to 255"),
+    ],
+)
+def test_the_values_of_derived_signals_are_known(of: str, formula: str, says: str) -> None:
+    (found,) = told(f"derive: {{m: {of}}}\nproperties: [{{id: p, formula: '{formula}'}}]\n")
+    assert says in found
+
+
+@pytest.mark.parametrize("limit", [5, 10])
+def test_what_is_forgotten_is_never_known_to_be_so_old(limit: int) -> None:
+    text = (
+        f"{STREAMS}derive: {{a: {{age: '{{topic: /pay}}', by: user, forget: FORGET}}}}\n"
+        f"properties: [{{id: p, time: seconds, formula: 'not {{a > {limit}}}'}}]\n"
+    )
+    with pytest.raises(SpecError, match=f"write a `forget` of 'a' that is longer than the {limit} s"):
+        parse_spec(text.replace("FORGET", "5s"), "s.yaml")
+    assert parse_spec(text.replace("FORGET", "11s"), "s.yaml").warnings == ()
 
 
 def test_texts_are_no_numbers_of_a_formula_over_numbers() -> None:
@@ -140,5 +216,5 @@ def test_texts_are_no_numbers_of_a_formula_over_numbers() -> None:
 def test_what_is_forgotten_has_not_left_its_state_in_time(forget: str) -> None:
     of = f"{{by: user, forget: {forget}, start: a, states: {{a: {{up: b}}, b: {{up: a, within: 3s}}}}}}"
     with pytest.raises(SpecError, match="write a `forget` that is longer than the `within` of 3s"):
-        derived(of)
-    assert derived(of.replace(f"forget: {forget}", "forget: 4s")) == []
+        derived(of, "up: '{amount: 1}'")
+    assert derived(of.replace(f"forget: {forget}", "forget: 4s"), "up: '{amount: 1}'") == []

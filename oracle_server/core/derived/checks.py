@@ -222,11 +222,23 @@ def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str,
     name, text = definition.name, render_atom(Atom((constraint,)))
     if definition.op == "age" and isinstance(constraint.value, Ref):
         return f"`{text}` binds another value at every instant; compare '{name}' with a number, as `{{{name} > 0.5}}`"
+    if definition.op == "age" and definition.forget is not None and isinstance(constraint.value, int | float):
+        return _forgotten(definition, constraint.value, text)
     if definition.table is not None:
         return never(definition, constraint)
     if isinstance(constraint.value, str | bool) and ranges[name].kinds == {"number"}:
         return f"`{text}` is never met: '{name}' is a number; compare it with one, as `{{{name} > 1}}`"
     return None
+
+
+def _forgotten(definition: Definition, limit: float, text: str) -> str | None:
+    """Why an age is never known to be so long, since what it is of is forgotten before; None where it is not."""
+    if definition.forget is None or limit * 10**9 < definition.forget:
+        return None
+    return (
+        f"`{text}` is never known: what was not heard of for {span(definition.forget)} is forgotten, and was never "
+        f"heard of then; write a `forget` of '{definition.name}' that is longer than the {limit:g} s"
+    )
 
 
 def _problem(

@@ -6,27 +6,33 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
+from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.machinery import KeyPath, placed
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.render import render, render_atom
-from oracle_server.core.formula.tree import Atom, Constraint, Formula, Position, Scalar, atoms
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Constraint, Formula, Position, Scalar, atoms
 from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.misfits import described, misfits, range_at
 from oracle_server.core.places import Place, places
 from oracle_server.core.signals import is_signal
 from oracle_server.core.spec import Spec
 from oracle_server.core.typed import StreamTypes
-from oracle_server.core.withholding import present
+from oracle_server.core.withholding import lasting, present, without_signals
 
 
 def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about the derived signals of a spec without errors, whose messages have these types."""
     where = places(spec, "steps", types) if spec.derive else []
+    derived = frozenset(definition.name for definition in spec.derive)
     for definition in spec.derive:
-        for path, formula, start in placed(definition):
-            for message, at in (*_doubts(formula, where), *(_repeated(formula, spec) if definition.events else ())):
-                yield _warning(definition, path, message, start or at)
+        path = "derive", definition.name, definition.op
+        for at, formula, start in placed(definition):
+            doubts = [*_doubts(formula, where), *(_repeated(definition, formula, spec) if definition.table else ())]
+            for message, place in doubts:
+                yield _warning(definition, at, message, start or place)
+        for message in _unsampled(definition, where, derived):
+            yield _warning(definition, path, message, None)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
 
@@ -35,13 +41,11 @@ def _doubts(formula: Formula, where: Sequence[Place]) -> Iterator[tuple[str, Pos
     """What is doubtful in a formula of one step, each with a place in its text."""
     tested = atoms(formula)
     found = [(doubt.message, doubt.at) for atom in tested for doubt in misfits(atom, where)]
-    values = {present(formula, place.value) for place in where}
-    if found or len(values) != 1 or None in values:
+    if found or any(_may_hold(formula, place) for place in where):
         yield from found
         return
-    how = "holds at every event" if True in values else "never holds"
-    message, at = f"`{render(formula)}` {how}, whatever the messages say", min(atom.at for atom in tested)
-    for atom in () if True in values else tested:
+    message, at = f"`{render(formula)}` never holds, whatever the messages say", min(atom.at for atom in tested)
+    for atom in tested:
         lacking = [place for place in where if place.allows(atom) and place.lacks(atom)]
         if lacking:
             keys = sorted({key for place in lacking for key in place.lacks(atom)})
@@ -50,21 +54,61 @@ def _doubts(formula: Formula, where: Sequence[Place]) -> Iterator[tuple[str, Pos
     yield message, at
 
 
-def _repeated(formula: Formula, spec: Spec) -> Iterator[tuple[str, Position]]:
-    """Atoms over held signals alone, which hold again at each message: hardly what an event of a machine is."""
-    for atom in atoms(formula) if len(spec.streams) > 1 else ():
-        names = {c.key for c in atom.constraints}
-        owner = next((s for s in spec.streams if names and names <= {*s.hold}), None)
-        if owner is not None:
-            kind = () if owner.traits.group == "topic" else (Constraint("kind", "==", owner.kind),)
-            own = Atom((Constraint(owner.traits.group, "==", owner.name), *kind, *atom.constraints))
-            text = render_atom(atom)
-            message = (
-                f"`{text}` holds at the messages of all streams, since {quoted(sorted(names))} of {owner.key} "
-                f"{'is' if len(names) == 1 else 'are'} held, so that the event comes again at each of them; write "
-                f"`{render_atom(own)}` if it is one of {owner.key} alone"
-            )
-            yield message, atom.at
+def _may_hold(formula: Formula, place: Place) -> bool:
+    return present(formula, place.value) is not False
+
+
+def _unsampled(definition: Definition, where: Sequence[Place], derived: frozenset[str]) -> Iterator[str]:
+    """What is absent everywhere, and what is kept by keys that no sample has."""
+    if all(definition.name in place.lack for place in where):
+        keys = [name for name in definition.needed if not any(place.has(name) for place in where)] or definition.needed
+        if not any(place.lack.get(name) for place in where for name in definition.needed):
+            yield f"it is never there: {_apart(keys, where)}"
+        return
+    sampled = [place for place in where if _may_sample(definition, place, derived)]
+    if definition.by and sampled and not any(all(place.has(by) for by in definition.by) for place in sampled):
+        what = "no event of it" if definition.table is not None else "none of its samples"
+        lacking = [by for by in definition.by if not all(place.has(by) for place in sampled)]
+        made = "makes a machine: none" if len(definition.by) > 1 else "counts: none"
+        has = f"has {'all of ' if len(definition.by) > 1 else ''}{quoted(definition.by)}"
+        yield f"{what} {made} {has}; {_apart(lacking, where)}"
+
+
+def _may_sample(definition: Definition, place: Place, derived: frozenset[str]) -> bool:
+    """Whether an event adds a sample to it, or may move it: what is only held is none."""
+    if definition.formulas:
+        return any(_may_hold(formula, place) for formula in definition.formulas)
+    return definition.of in place.own or place.open or (definition.of in derived and place.has(definition.of))
+
+
+def _apart(keys: Sequence[str], where: Sequence[Place]) -> str:
+    """Who has signals that no event has together, and how to make them last."""
+    return "; ".join(whose(where, [place for place in where if not place.has(key)], [key]) for key in keys)
+
+
+def _repeated(definition: Definition, formula: Formula, spec: Spec) -> Iterator[tuple[str, Position]]:
+    """An event that holds again at each message while signals keep their values, and then moves its machine again."""
+    kept = lasting(spec)
+    if not _moves_again(definition, formula) or present(formula, without_signals(kept)) is not None:
+        return
+    last = [a for a in atoms(formula) if any(c.key in kept for c in a.constraints)]
+    names = {c.key for atom in last for c in atom.constraints}
+    owner = next((str(s.key) for s in spec.streams if names <= {*s.hold}), "the message that it is")
+    message = (
+        f"`{render(formula)}` comes again at each message while it holds, since {quoted(sorted(names))} "
+        f"{'keeps its value' if len(names) == 1 else 'keep their values'}; write it with {owner}, as in "
+        "`{topic: …} and …`, if it is to come once"
+    )
+    yield message, last[0].at
+
+
+def _moves_again(definition: Definition, formula: Formula) -> bool:
+    """Whether an event that comes twice moves the machine elsewhere than where it came first."""
+    table = definition.table
+    assert table is not None  # noqa: S101 -- it is a machine
+    bit = 1 << definition.events.index(formula)
+    first = [table.after(state, bit) for state, row in enumerate(table.rows) if bit in row]
+    return any(table.after(state, bit) != state for state in first)
 
 
 def _unfollowed(definition: Definition, where: Sequence[Place]) -> Iterator[SpecProblem]:
@@ -84,7 +128,7 @@ def _written_as(state: str) -> Iterator[Scalar]:
     yield state
     with suppress(ValueError):
         value = json.loads(state)
-        if is_signal(value):
+        if is_signal(value) and canonical(value) == state:
             yield value
 
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import result_kind
+from oracle_server.core.expression.tree import Path
 from oracle_server.core.ranges import ANYTHING, BOOLEAN, NUMBER, TEXT, Range, range_of
 from oracle_server.core.spec import Spec
 
+_MANY = 2**63
 _KINDS = {"real": NUMBER, "whole": NUMBER, "text": TEXT, "bool": BOOLEAN}
 
 
-def derived_ranges(spec: Spec) -> dict[str, Range]:
-    """The values of each derived signal, and of the signals that all streams declare; expressions may be unsound."""
-    found: dict[str, Range] = {}
-    if all(stream.signals is not None for stream in spec.streams):
+def derived_ranges(spec: Spec, signals: Mapping[str, Range] | None = None) -> dict[str, Range]:
+    """The values of each derived signal, and of the signals that all streams declare; expressions may be unsound.
+
+    `signals` are the values of all that messages have, where that is known better than their expressions tell.
+    """
+    found = dict(signals or {})
+    if signals is None and all(stream.signals is not None for stream in spec.streams):
         for stream in spec.streams:
             for name, text in (stream.signals or {}).items():
                 found[name] = found.get(name, Range()) | range_of(text, each=stream.each)
@@ -23,15 +30,27 @@ def derived_ranges(spec: Spec) -> dict[str, Range]:
     return found
 
 
-def _range(definition: Definition, known: dict[str, Range]) -> Range:
+def _range(definition: Definition, known: Mapping[str, Range]) -> Range:
     if definition.op == "expression":
-        try:
-            kind = result_kind(definition.expression, None)
-        except ExpressionError:  # found elsewhere
-            return ANYTHING
-        return ANYTHING if kind is None else _KINDS.get(kind, ANYTHING)
+        return _computed(definition, known)
     if definition.table is not None:
         return Range(values=tuple(dict.fromkeys(value for value in definition.table.values if value is not None)))
     if definition.op in ("last", "previous"):
         return known.get(definition.of, ANYTHING)
+    if definition.op in ("min", "max") and (known.get(definition.of) or ANYTHING).has_numbers:
+        return known.get(definition.of, NUMBER).numbers
+    if definition.op == "count":
+        most = definition.over if definition.counted and definition.over is not None else _MANY
+        return Range(whole=(0, most))
     return NUMBER
+
+
+def _computed(definition: Definition, known: Mapping[str, Range]) -> Range:
+    try:
+        expression = definition.expression
+        kind = result_kind(expression, None)
+    except ExpressionError:  # found elsewhere
+        return ANYTHING
+    if isinstance(expression.tree, Path) and len(expression.tree.names) == 1:
+        return known.get(expression.tree.names[0], ANYTHING)
+    return ANYTHING if kind is None else _KINDS.get(kind, ANYTHING)
