@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.machines.drawing import mermaid
@@ -47,6 +48,13 @@ def imported(tmp_path: Path, text: str) -> tuple[Definition, str]:
     assert not found.judges
     written = out.read_text()
     return parse_spec(written, "door.yaml").spec.derive[0], written
+
+
+def rows(tmp_path: Path, text: str) -> dict[str, dict[str, str]]:
+    """The events of each state, and where these lead, as the spec that is written has them."""
+    _, written = imported(tmp_path, text)
+    states: dict[str, dict[str, str]] = yaml.safe_load(written)["derive"]["machine"]["states"]
+    return states
 
 
 @pytest.mark.parametrize("text", [MERMAID, DOT])
@@ -96,6 +104,42 @@ def test_what_check_draws_is_read_again(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
+def test_classes_of_states_are_no_labels(tmp_path: Path) -> None:
+    arrows = "[*] --> Off:::cold\nOff --> On:::hot: start\nOn:::hot --> Off : stop"
+    assert rows(tmp_path, f"stateDiagram-v2\n{arrows}\nstate On:::hot\nOff:::cold") == {
+        "Off": {"on_start": "On"},
+        "On": {"on_stop": "Off"},
+    }
+
+
+def test_a_labelled_arrow_to_the_end_leads_to_a_final_state(tmp_path: Path) -> None:
+    text = "stateDiagram-v2\n[*] --> Idle\nIdle --> [*]: stop\nIdle --> Run: start\nRun --> Idle: stop\nRun --> [*]"
+    wanted = {"Idle": {"on_stop": "end", "on_start": "Run"}, "Run": {"on_stop": "Idle"}, "end": {}}
+    assert rows(tmp_path, text) == wanted
+    text = "digraph { out [shape=point]; A -> out [label=stop]; A -> end [label=go]; end -> out }"
+    assert rows(tmp_path, text) == {"A": {"on_stop": "end_2", "on_go": "end"}, "end": {}, "end_2": {}}
+
+
+def test_states_may_be_called_as_what_mermaid_is_told(tmp_path: Path) -> None:
+    words = ("hide", "scale", "style", "class", "classDef", "direction", "accTitle", "state", "note")
+    told = "direction LR\nhide empty description\nscale 350 width\nclass hide hot\nstyle hide fill:red"
+    arrows = "\n".join(f"{word} --> idle: on {word}\n{word} : a word" for word in words)
+    found = rows(tmp_path, f"stateDiagram-v2\n{told}\naccTitle: a --> b\n{arrows}\nidle --> hide: x")
+    assert found == {**{word: {f"on_on_{word}": "idle"} for word in words}, "idle": {"on_x": "hide"}}
+
+
+def test_comments_behind_arrows_are_no_labels(tmp_path: Path) -> None:
+    text = "stateDiagram-v2 %% a door\nA --> B: go; %% later\nB --> A: at 5%%\n%% B --> C: never"
+    _, written = imported(tmp_path, text)
+    assert 'on_go: "{event: go}"' in written
+    assert 'on_at_5: "{event: \\"at 5%%\\"}"' in written
+
+
+def test_a_note_of_one_line_ends_with_it(tmp_path: Path) -> None:
+    text = "stateDiagram-v2\nA --> B: go\nnote right of A: a --> b\nB --> A: stop"
+    assert rows(tmp_path, text) == {"A": {"on_go": "B"}, "B": {"on_stop": "A"}}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -105,6 +149,16 @@ def test_what_check_draws_is_read_again(tmp_path: Path) -> None:
         ("stateDiagram-v2\nA --> B: x\nB --> A", ":3: the arrow to `A` has no label"),
         ("stateDiagram-v2\n[*] --> A\n[*] --> B", ":3: it begins in `A` already"),
         ("stateDiagram-v2\nA is big", ":2: `A is big` is not understood"),
+        ("stateDiagram-v2\nA --> B: x\nA B --> C: x", ":3: `A B --> C: x` is not understood as an arrow"),
+        ("stateDiagram-v2\nA -->|x| B", ":2: `A -->|x| B` is not understood as an arrow"),
+        ("stateDiagram-v2\nA: x --> B", ":2: `A: x --> B` is not understood as an arrow"),
+        ("stateDiagram-v2\nstyle A --> B", ":2: `style A --> B` is not understood as an arrow"),
+        ("stateDiagram-v2\nA-->B-->C: x", ":2: `A-->B-->C: x` is not understood as an arrow"),
+        ("stateDiagram-v2\nA --> B: x; B --> A: y", ":2: `A --> B: x; B --> A: y` is not understood as an arrow"),
+        ("stateDiagram-v2\nA --> B:::", ":2: `A --> B:::` is not understood as an arrow"),
+        ("stateDiagram-v2\n[*] --> [*]: x", ":2: `[*] --> [*]: x` is not understood as an arrow"),
+        ("stateDiagram-v2\nA --> B\nnote left of A\nB --> A", ":3: this note has no end"),
+        ("stateDiagram-v2\nA->B: x", ":2: `A->B: x` is not understood"),
         ("sequenceDiagram\nA --> B", "no state diagram"),
         ("stateDiagram-v2\n", "no arrow between states"),
         ("graph { A -- B }", ":1: a `graph` has no directions"),

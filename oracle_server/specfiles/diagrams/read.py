@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
@@ -13,10 +13,15 @@ from oracle_server.core.errors import OracleError
 MOST = 256 * 1024
 """Characters of a diagram."""
 _HEADER = re.compile(r"stateDiagram(?:-v2)?\b")
-_ARROW = re.compile(r"(?P<one>\[\*\]|[^\s:]+)\s*-->\s*(?P<other>\[\*\]|[^\s:]+)\s*(?::\s*(?P<label>.*))?")
-_PASSED = re.compile(r"(?:direction|classDef|class|style|accTitle|accDescr|hide|scale)\b|%%|---$")
-_STATE = re.compile(r'state\s+(?:"[^"]*"\s+as\s+)?(?P<name>\S+)\s*(?P<rest>.*)')
-_NOTE = re.compile(r"note\s+(?:left|right)\s+of\s+\S+\s*(?P<text>:?)")
+_ID = r"(?:(?!->)[^\s:])+"
+_CLASS = f"(?::::{_ID})?"
+_LABEL = r"(?::(?!:)\s*(?P<label>(?:(?!-->).)*))?"
+_ARROW = re.compile(rf"(?P<one>{_ID}){_CLASS}\s*-->\s*(?P<other>{_ID}){_CLASS}\s*{_LABEL}")
+_COMMENT = re.compile(r"(?:^|\s)%%.*")
+_PASSED = re.compile(r"(?:direction|classDef|class|style|hide|scale)\s+[^\s:]|---$")
+_STATE = re.compile(rf'state\s+(?:"[^"]*"\s+as\s+)?(?P<name>[^\s:]+){_CLASS}\s*(?P<rest>.*)')
+_DESCRIBED = re.compile(rf"(?P<name>{_ID}){_CLASS}\s*(?::.*)?")
+_NOTE = re.compile(r"note\s+(?:left|right)\s+of\s+[^\s:]+\s*(?P<text>:.*)?|acc(?:Title|Descr)\s*(?P<told>:.*)")
 _TOKEN = re.compile(
     r'\s+|//[^\n]*|/\*.*?\*/|(?m:^#[^\n]*)|(?P<text>"(?:\\.|[^"\\])*")|(?P<sign>->|--|[{}\[\];,=])|(?P<name>[^\s{}\[\];,="]+?(?=->|--|[\s{}\[\];,="]|$))|(?P<odd>.)',
     re.DOTALL,
@@ -35,6 +40,10 @@ class Arrow:
     to: str
     label: str
     line: int
+
+
+_FINAL = "\n"
+"""Where an arrow to the end leads until all states are known: no state is called so."""
 
 
 @dataclass(slots=True)
@@ -59,51 +68,60 @@ def read_diagram(path: Path) -> Diagram:
     found = _Dot(path, text).read() if is_dot else _mermaid(path, text)
     if not found.arrows:
         raise DiagramError(f"{path}: no arrow between states is in it: expected `A --> B: event`, or `A -> B`")
+    _name_final(found)
     return found
 
 
 def _mermaid(path: Path, text: str) -> Diagram:
     found = Diagram()
-    begun, noted = False, False
+    begun, noted = False, 0
     for number, written in enumerate(text.splitlines(), 1):
-        line = written.strip().rstrip(";")
+        line = _COMMENT.sub("", written).strip().rstrip("; ")
         if noted:
-            noted = line != "end note"
+            noted = 0 if line == "end note" else noted
         elif not begun:
             begun = _HEADER.match(line) is not None
         elif line.startswith("```"):
             break
-        elif line and not _PASSED.match(line):
-            noted = _line(path, number, line, found)
+        elif line:
+            noted = number if _line(path, number, line, found) else 0
     if not begun:
         raise DiagramError(f"{path}: no state diagram: mermaid's begins with `stateDiagram-v2`, DOT's with `digraph`")
+    if noted:
+        _refuse(path, noted, "this note has no end: expected `end note` in a line below it, or `: text` in its own")
     return found
 
 
 def _line(path: Path, number: int, line: str, found: Diagram) -> bool:
     """Read a line; returns whether a note of several lines begins."""
-    note = _NOTE.match(line)
+    note = _NOTE.fullmatch(line)
     if note:
-        return not note["text"]
+        return not (note["text"] or note["told"])
     arrow = _ARROW.fullmatch(line)
-    if arrow:
+    if arrow and not arrow["one"] == arrow["other"] == "[*]":
         one, other, label = arrow["one"], arrow["other"], (arrow["label"] or "").strip()
         if one == "[*]":
             _begin(path, number, other, found)
-        elif other == "[*]":
-            found.states.setdefault(one)
-        else:
+        elif other != "[*]":
             _add(found, Arrow(one, other, label, number))
+        else:
+            _finish(found, Arrow(one, _FINAL, label, number))
+        return False
+    if "-->" in line:
+        expected = "write `A --> B: event`, one arrow a line, with names of states without spaces"
+        _refuse(path, number, f"`{line[:60]}` is not understood as an arrow: {expected}")
+    if _PASSED.match(line):
         return False
     state = _STATE.fullmatch(line)
+    described = _DESCRIBED.fullmatch(line)
     if state and not state["rest"]:
         found.states.setdefault(state["name"])
-    elif state or line in ("--", "}"):
+    elif line in ("--", "}") or state:
         _refuse(path, number, "states within states, choices and forks are not taken: draw one machine a file")
-    elif not re.fullmatch(r"[^\s:]+(\s*:.*)?", line):
+    elif not described:
         _refuse(path, number, f"`{line[:60]}` is not understood: expected `A --> B: event`")
     else:
-        found.states.setdefault(line.partition(":")[0].strip())
+        found.states.setdefault(described["name"])
     return False
 
 
@@ -140,6 +158,8 @@ class _Dot:
                 _begin(self.path, arrow.line, arrow.to, self.found)
             elif arrow.to not in self.points:
                 _add(self.found, arrow)
+            else:
+                _finish(self.found, replace(arrow, to=_FINAL))
         for point in self.points:
             self.found.states.pop(point, None)
         return self.found
@@ -211,6 +231,25 @@ def _add(found: Diagram, arrow: Arrow) -> None:
     found.states.setdefault(arrow.state)
     found.states.setdefault(arrow.to)
     found.arrows.append(arrow)
+
+
+def _finish(found: Diagram, arrow: Arrow) -> None:
+    """An arrow to the end: what has a label is an event, and must lead somewhere."""
+    found.states.setdefault(arrow.state)
+    if arrow.label:
+        found.arrows.append(arrow)
+
+
+def _name_final(found: Diagram) -> None:
+    """Give the state to which the arrows to the end lead a name that is not taken."""
+    if not any(arrow.to == _FINAL for arrow in found.arrows):
+        return
+    name, number = "end", 1
+    while name in found.states:
+        number += 1
+        name = f"end_{number}"
+    found.arrows = [replace(arrow, to=name) if arrow.to == _FINAL else arrow for arrow in found.arrows]
+    found.states[name] = None
 
 
 def _refuse(path: Path, line: int, message: str) -> NoReturn:
