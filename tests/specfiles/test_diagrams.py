@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -140,6 +141,39 @@ def test_a_note_of_one_line_ends_with_it(tmp_path: Path) -> None:
     assert rows(tmp_path, text) == {"A": {"on_go": "B"}, "B": {"on_stop": "A"}}
 
 
+def test_ports_of_dot_are_no_part_of_states(tmp_path: Path) -> None:
+    arrows = 'Idle:e -> "Run":w:n [label=start]; Run : "p q" -> Idle:s->Run:w [label=stop] "a:b" -> Idle [label=x]'
+    assert rows(tmp_path, f"digraph {{ {arrows} }}") == {
+        "Idle": {"on_start": "Run", "on_stop": "Run"}, "Run": {"on_stop": "Idle"}, "a:b": {"on_x": "Idle"},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "digraph fsm\n{",
+        "/* a\n machine */ digraph fsm {",
+        "// a machine\ndigraph fsm // of two\n{",
+        'strict Digraph /* x */ "a b"\n# 1\n{',
+        "digraph{",
+        'digraph "http://a" {',
+        "```dot\nstrict digraph {",
+    ],
+)
+def test_dot_may_begin_on_several_lines(tmp_path: Path, head: str) -> None:
+    assert rows(tmp_path, f"{head} A -> B [label=go] }}") == {"A": {"on_go": "B"}, "B": {}}
+
+
+@pytest.mark.parametrize("unclosed", ['\\" ', "/* "])
+def test_what_is_never_closed_takes_no_minutes(tmp_path: Path, unclosed: str) -> None:
+    source = tmp_path / "door.dot"
+    source.write_text("digraph { " + unclosed * 60_000)
+    begun = time.monotonic()
+    with pytest.raises(DiagramError, match="a `}` is missing"):
+        import_diagram(source, None, TYPES)
+    assert time.monotonic() - begun < 5
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -159,6 +193,11 @@ def test_a_note_of_one_line_ends_with_it(tmp_path: Path) -> None:
         ("stateDiagram-v2\n[*] --> [*]: x", ":2: `[*] --> [*]: x` is not understood as an arrow"),
         ("stateDiagram-v2\nA --> B\nnote left of A\nB --> A", ":3: this note has no end"),
         ("stateDiagram-v2\nA->B: x", ":2: `A->B: x` is not understood"),
+        (
+            "digraph {\nA -> B [label=<go <B>now</B>>] }",
+            ':2: a label in HTML is not read: write it in quotes, as `label="',
+        ),
+        ("digraph {\nA -> B:; }", ":2: `;` is not expected here"),
         ("sequenceDiagram\nA --> B", "no state diagram"),
         ("stateDiagram-v2\n", "no arrow between states"),
         ("graph { A -- B }", ":1: a `graph` has no directions"),

@@ -23,7 +23,7 @@ _STATE = re.compile(rf'state\s+(?:"[^"]*"\s+as\s+)?(?P<name>[^\s:]+){_CLASS}\s*(
 _DESCRIBED = re.compile(rf"(?P<name>{_ID}){_CLASS}\s*(?::.*)?")
 _NOTE = re.compile(r"note\s+(?:left|right)\s+of\s+[^\s:]+\s*(?P<text>:.*)?|acc(?:Title|Descr)\s*(?P<told>:.*)")
 _TOKEN = re.compile(
-    r'\s+|//[^\n]*|/\*.*?\*/|(?m:^#[^\n]*)|(?P<text>"(?:\\.|[^"\\])*")|(?P<sign>->|--|[{}\[\];,=])|(?P<name>[^\s{}\[\];,="]+?(?=->|--|[\s{}\[\];,="]|$))|(?P<odd>.)',
+    r'\s+|//[^\n]*|/\*.*?(?:\*/|\Z)|(?m:^#[^\n]*)|(?P<text>"(?:\\.|[^"\\])*(?:"|\Z))|(?P<sign>->|--|[{}\[\];:,=])|(?P<name>[^\s{}\[\];:,="]+?(?=->|--|[\s{}\[\];:,="]|$))|(?P<odd>.)',
     re.DOTALL,
 )
 
@@ -64,8 +64,8 @@ def read_diagram(path: Path) -> Diagram:
         raise DiagramError(f"{path}: can't be read: {reason}") from None
     if len(text) > MOST:
         raise DiagramError(f"{path}: {len(text):,} characters; at most {MOST:,} are read")
-    is_dot = re.search(r"^\s*(?:strict\s+)?(?:di)?graph\b[^\n>]*\{", text, re.MULTILINE)
-    found = _Dot(path, text).read() if is_dot else _mermaid(path, text)
+    dot = _Dot(path, text)
+    found = dot.read() if dot.begins() else _mermaid(path, text)
     if not found.arrows:
         raise DiagramError(f"{path}: no arrow between states is in it: expected `A --> B: event`, or `A -> B`")
     _name_final(found)
@@ -140,10 +140,16 @@ class _Dot:
         self.points: set[str] = set()
         self.found = Diagram()
 
+    def begins(self) -> bool:
+        """Whether it is a graph, behind what may stand before one; the place is then that of `graph` or `digraph`."""
+        while self._text.startswith("```") or self._text.lower() == "strict":
+            self.at += 1
+        following = [text for _, text, _ in self.tokens[self.at + 1 : self.at + 3]]
+        return self._text.lower() in ("graph", "digraph") and "{" in following
+
     def read(self) -> Diagram:
-        """The diagram."""
-        head = [text.lower() for _, text, _ in self.tokens[:2]]
-        if "digraph" not in head:
+        """The diagram, from where it begins."""
+        if self._text.lower() == "graph":
             self._refuse("a `graph` has no directions: write `digraph`, with `->`")
         while self._text not in ("{", ""):
             self.at += 1
@@ -174,16 +180,16 @@ class _Dot:
             return
         if self._text == "{" or self._text.lower() == "subgraph":
             self._refuse("graphs within graphs are not taken: draw one machine a file")
-        names, line = [self._name()], self.tokens[self.at - 1][2]
+        names, line = [self._state()], self.tokens[self.at - 1][2]
         if self._text == "=":  # an attribute of the graph
             self.at += 1
-            self._name()
+            self._value()
             return
         while self._text in ("->", "--"):
             if self._text == "--":
                 self._refuse("an arrow of a digraph is `->`")
             self.at += 1
-            names.append(self._name())
+            names.append(self._state())
         attributes = self._attributes()
         if len(names) == 1:
             if names[0].lower() not in ("graph", "node", "edge"):
@@ -202,11 +208,23 @@ class _Dot:
                 key = self._name()
                 if self._text == "=":
                     self.at += 1
-                    found[key.lower()] = self._name()
+                    found[key.lower()] = self._value()
                 if self._text in (",", ";"):
                     self.at += 1
             self.at += 1
         return found
+
+    def _state(self) -> str:
+        name = self._name()
+        while self._text == ":":  # a port, which is about the drawing alone
+            self.at += 1
+            self._name()
+        return name
+
+    def _value(self) -> str:
+        if self._text.startswith("<"):
+            self._refuse('a label in HTML is not read: write it in quotes, as `label="go"`')
+        return self._name()
 
     def _name(self) -> str:
         kind, text, _ = self.tokens[self.at] if self.at < len(self.tokens) else ("", "", 0)
