@@ -164,6 +164,17 @@ def test_dot_may_begin_on_several_lines(tmp_path: Path, head: str) -> None:
     assert rows(tmp_path, f"{head} A -> B [label=go] }}") == {"A": {"on_go": "B"}, "B": {}}
 
 
+def test_comparisons_that_are_joined_are_a_formula(tmp_path: Path) -> None:
+    _, written = imported(
+        tmp_path, 'digraph { 0 -> 1 [label="(x >= 1) && x<=1.5 and y != -2"]; 1 -> 0 [label="x > 1 && go"] }'
+    )
+    assert '"{x >= 1} and {x <= 1.5} and {y != -2}"' in written
+    assert '"{event: \\"x > 1 && go\\"}"' in written
+    assert [line.split(":")[0].strip() for line in written.splitlines() if "TODO: say in CEL" in line] == [
+        "x", "y", "event",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("unclosed", ['\\" ', "/* "])
 def test_what_is_never_closed_takes_no_minutes(tmp_path: Path, unclosed: str) -> None:
     source = tmp_path / "door.dot"

@@ -17,6 +17,7 @@ from oracle_server.specfiles.imported import Imported, write_spec
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,15}(\.\d{1,15})?")
 _COMPARED = re.compile(r"\(?\s*([A-Za-z_]\w*)\s*(==|!=|<=|>=|<|>)\s*(-?\d{1,15}(?:\.\d{1,15})?)\s*\)?", re.ASCII)
+_JOINED = re.compile(r"&&|\band\b", re.IGNORECASE)
 _EVENT = "event"
 
 
@@ -39,7 +40,7 @@ def _spec_text(path: Path, diagram: Diagram) -> tuple[str, list[str]]:
         events = _events(diagram)
         meant = {event: _meant(label) for label, event in events.items()}
         define = ["define:", *(f"  {event}: {json.dumps(formula)}" for event, (_, formula) in meant.items())]
-        signals = list(dict.fromkeys(signal for signal, _ in meant.values()))
+        signals = list(dict.fromkeys(signal for named, _ in meant.values() for signal in named))
     source = one_line(path.name).encode("utf-8", "replace").decode()
     lines = [
         f"# Imported from {source} by `oracle-server import --diagram`. Check the lines marked TODO.",
@@ -108,13 +109,13 @@ def _events(diagram: Diagram) -> dict[str, str]:
     return found
 
 
-def _meant(label: str) -> tuple[str, str]:
-    """The signal that a label is of, and its formula: a comparison with a number, or a value of `event`."""
-    compared = _COMPARED.fullmatch(label)
-    if compared:
-        signal, sign, number = compared.groups()
-        return signal, f"{{{signal} {sign} {number}}}"
+def _meant(label: str) -> tuple[list[str], str]:
+    """The signals that a label is of, and its formula: comparisons with numbers, or a value of `event`."""
+    compared = [_COMPARED.fullmatch(part.strip()) for part in _JOINED.split(label)]
+    if all(compared):
+        parts = [match.groups() for match in compared if match]
+        return [signal for signal, *_ in parts], " and ".join(f"{{{' '.join(part)}}}" for part in parts)
     plain = _NAME.fullmatch(label) or _NUMBER.fullmatch(label)
     if plain and label not in ("true", "false"):
-        return _EVENT, f"{{{_EVENT}: {label}}}"
-    return _EVENT, render_atom(Atom((Constraint(_EVENT, "==", label),)))
+        return [_EVENT], f"{{{_EVENT}: {label}}}"
+    return [_EVENT], render_atom(Atom((Constraint(_EVENT, "==", label),)))
