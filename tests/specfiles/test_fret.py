@@ -91,6 +91,26 @@ def test_a_comparison_with_a_number_is_an_atom(tmp_path: Path) -> None:
     assert '"the robot shall always satisfy !{x > 5} & {x: -1.5} => {x <= 5}."' in text
 
 
+def test_the_first_point_of_time_is_the_first_step(tmp_path: Path) -> None:
+    text = imported(tmp_path, "the FTP shall always satisfy r", "the robot shall always satisfy (FTP | r)")
+    assert "define:\n  FTP: first\n" in text
+    assert "# TODO" not in text
+    spec = parse_spec(text, "spec.yaml")
+    assert not spec.warnings
+    assert [each["formula"] for each in lowered(spec.spec.properties)] == ["{r}", "first or {r}"]
+    assert "define:" not in imported(tmp_path, "the FTP shall always satisfy r")
+
+
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_variable_that_is_called_as_the_first_point_of_time(tmp_path: Path, *, declared: bool) -> None:
+    was = {"reqid": "R", "fulltext": "robot shall always satisfy FTP", "semantics": {"variables": ["FTP"]}}
+    variables = [{"variable_name": "FTP"}] if declared else []
+    (tmp_path / "r.json").write_text(json.dumps({"requirements": [was], "variables": variables}))
+    done = import_fret(tmp_path / "r.json", None, tmp_path / "s.yaml", Types(()))
+    assert done.todos == (("FTP",) if declared else ())
+    assert ("  FTP: first" in (tmp_path / "s.yaml").read_text()) is not declared
+
+
 def test_names_that_yaml_reads_otherwise_or_that_are_taken(tmp_path: Path) -> None:
     requirements = [
         {"reqid": n, "fulltext": f"robot shall always satisfy {n}"} for n in ("on", "kind", "until", "null")

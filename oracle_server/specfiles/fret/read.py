@@ -12,6 +12,8 @@ from oracle_server.core.errors import OracleError, one_line
 
 MOST_BYTES = 20_000_000
 MOST_REQUIREMENTS = 1_000
+FIRST = "FTP"
+"""FRET's word for the first point of time, which it lists as a variable of the sentences that say it."""
 
 
 class FretError(OracleError):
@@ -58,7 +60,7 @@ def read_export(path: Path) -> Export:
         if not isinstance(each, dict):
             raise FretError(f"{path}: requirements[{i}]: an object is expected, with `reqid` and `fulltext`")
         found.append(Requirement(*(_text(path, i, each, key) for key in ("reqid", "fulltext", "rationale"))))
-        names.update(_semantic(each.get("semantics")))
+        names.update(name for name in _semantic(each.get("semantics")) if name != FIRST)
     variables = value.get("variables") if isinstance(value, dict) else None
     for each in variables if isinstance(variables, list) else []:
         if isinstance(each, dict) and isinstance(name := each.get("variable_name"), str):

@@ -12,7 +12,7 @@ from oracle_server.core.errors import SpecError, one_line
 from oracle_server.core.formula.parse import MAX_TEXT
 from oracle_server.core.sentences.requirement import CONDITIONS, SCOPES, TIMINGS
 from oracle_server.rostypes.known import Types
-from oracle_server.specfiles.fret.read import Export, FretError, Requirement, Source, read_export, read_sources
+from oracle_server.specfiles.fret.read import FIRST, Export, FretError, Requirement, Source, read_export, read_sources
 from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.load import parse_spec
 
@@ -21,6 +21,7 @@ _TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_/]*")
 _TYPE = re.compile(r"\w+(/msg)?/\w+", re.ASCII)
 _FIELD = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 _READ = re.compile(r"\b([A-Za-z_]\w*)(?:\s*(<=|>=|<|>|=)\s*(-?\d{1,15}(?:\.\d{1,15})?)(?!\w|\.\d)|\b)", re.ASCII)
+_FIRST = re.compile(rf"\b{FIRST}\b(?!\s+(?i:shall)\b)", re.ASCII)
 _BEFORE_SHALL = re.compile(r"\s+shall\b", re.IGNORECASE)
 _WORDS = frozenset(
     (
@@ -164,6 +165,8 @@ def _spec_text(source: str, found: Sequence[_Read], sources: dict[str, Source]) 
     for name in names:
         if name in sources:
             topics.setdefault((sources[name].topic, sources[name].type), []).append(name)
+    if any(FIRST not in each.names and _FIRST.search(each.text) for each in found):
+        lines += ["define:", f"  {FIRST}: first"]
     lines.append("streams:")
     for (topic, type_), of_it in topics.items():
         lines += [
