@@ -212,7 +212,7 @@ class Connection:
         """Receive `attach`, and answer it. Raises a fatal `WireError` where it is refused, or takes too long."""
         try:
             async with asyncio.timeout(_ATTACH_WITHIN):
-                data = await self._receive()
+                data = _data_of(await self._socket.receive())
         except TimeoutError:
             raise WireError("bad_attach", f"no `attach` within {_ATTACH_WITHIN:.0f} s", fatal=True) from None
         self._conversation.receive(data)
@@ -264,12 +264,9 @@ class Connection:
             if self._throttle.must_yield:
                 self._due_pause = self._pause()
                 await asyncio.sleep(0)  # the turn of others
-            return await self._receive()
+            return _data_of(await self._socket.receive())
         finally:
             self._idle = False
-
-    async def _receive(self) -> str | bytes:
-        return _data_of(await self._socket.receive())
 
     def offer(self, text: str) -> bool:
         """Process a frame on its arrival, since waking the reader would take longer than judging.
