@@ -175,16 +175,19 @@ class Judge(Telling):
         turned = {*turn.turned, *self._derived.turned_for(signals, self._last)}
         views = self.plan.silent
         self._tick, self._explained = (time, signals, failed), 0
-        found, settles = [], False
+        found, settles, others = [], False, []
         for i, (state, view) in enumerate(zip(self.properties, views, strict=True)):
             state.unanswered = ()
             if i not in turned and not self._due(state, time):
                 found.append(state.outcome)
+                others.append(state)
                 continue
             found.append(state.tick(view, time, signals, failed, MAX_WORK - self._idle_work))
             self._idle_work += state.work
             settles = settles or state.settles
         self._tick = None
+        for state in others:
+            state.explain(state.outcome)  # as at the last step, where it is asked for
         changed = any(state.outcome is not outcome for state, outcome in zip(self.properties, found, strict=True))
         if not changed and not settles:
             return None
@@ -200,6 +203,9 @@ class Judge(Telling):
         found = [state.end() for state in self.properties]
         if not any(state.settles for state in self.properties):
             return None
+        for state in self.properties:
+            if not state.settles:
+                state.explain(state.outcome)
         time = self._until
         held, failing = together(self._held.values())
         signals, failed = self._derived.at(time, self.counters.steps, held, failing)
@@ -234,19 +240,6 @@ class Judge(Telling):
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
         return deadline is not None and deadline <= time
-
-    def _count(self, step: Step) -> None:
-        event, counters = step.event, self.counters
-        whole = not event.row  # of an event with rows the first one counts
-        counters.late += step.late and whole
-        counters.skewed += step.skewed and whole
-        counters.lost += event.lost
-        if step.late or event.lost:
-            counts = self.counts[event.monitor, event.stream]
-            counts.late += step.late and whole
-            counts.lost += event.lost
-        if event.lost or step.forced:
-            self._degraded = True
 
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied, as if it had never happened."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 
@@ -9,7 +10,7 @@ from oracle_server.core.counting import Counters
 from oracle_server.core.deciding import is_denied
 from oracle_server.core.derived.state import Derived
 from oracle_server.core.episode import Changes, Following
-from oracle_server.core.events import Order, Step
+from oracle_server.core.events import Order, Source, Step
 from oracle_server.core.following import follow
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
@@ -19,6 +20,7 @@ from oracle_server.core.plan import Plan
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.records import EventRecord
+from oracle_server.core.tally import StreamCounts
 from oracle_server.core.verdicts import Decision, Explanation, Judged, Outcome, Verdict
 
 
@@ -37,6 +39,8 @@ class Telling:
     """What explanations have cost at the present step or tick."""
     _order: Order
     counters: Counters
+    counts: defaultdict[Source, StreamCounts]
+    """What of that is counted by stream: what came late, and what was lost."""
     present: int
     following: Following
     """The episodes that may go on."""
@@ -58,6 +62,19 @@ class Telling:
         """Bring back what a recorded row, which is judged again next, tells of losses before it, and of `bypass`."""
         self._degraded = degraded
         self.bypass(bypassed)
+
+    def _count(self, step: Step) -> None:
+        event, counters = step.event, self.counters
+        whole = not event.row  # of an event with rows the first one counts
+        counters.late += step.late and whole
+        counters.skewed += step.skewed and whole
+        counters.lost += event.lost
+        if step.late or event.lost:
+            counts = self.counts[event.monitor, event.stream]
+            counts.late += step.late and whole
+            counts.lost += event.lost
+        if event.lost or step.forced:
+            self._degraded = True
 
     def _event(self) -> EventRecord:
         return self._recent.last()
