@@ -21,7 +21,7 @@ from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
-from oracle_server.core.spec import Property
+from oracle_server.core.spec import Property, orders
 from oracle_server.core.tally import StreamCounts
 from oracle_server.core.telling import Telling
 from oracle_server.core.verdicts import NEGATIVE, Decision, Judged, Outcome, Verdict
@@ -48,7 +48,7 @@ class Judge(Telling):
         self.plan = plan
         self._order = order
         self._numbers = numbers
-        self._decides = decides
+        self._decides, self._knows_first = decides, order == orders(plan.spec)[-1]
         self._measures = any(isinstance(engine, Measuring) for engine in engines)
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""

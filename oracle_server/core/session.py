@@ -61,6 +61,8 @@ class Session(Resumable):
                 self.judges[order] = Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
         self.counts = self.judges[orders(plan.spec)[0]].counts
+        for judge in self.judges.values():
+            judge.counts = self.counts
         self.holds = HoldTimes()
         self.bypasses = Bypasses(plan.readers)
         self.now = 0

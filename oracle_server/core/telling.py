@@ -38,6 +38,9 @@ class Telling:
     _explained: int
     """What explanations have cost at the present step or tick."""
     _order: Order
+    _decides: bool
+    _knows_first: bool
+    """Whether it judges an event before all other orders do."""
     counters: Counters
     counts: defaultdict[Source, StreamCounts]
     """What of that is counted by stream: what came late, and what was lost."""
@@ -71,8 +74,8 @@ class Telling:
         counters.lost += event.lost
         if step.late or event.lost:
             counts = self.counts[event.monitor, event.stream]
-            counts.late += step.late and whole
-            counts.lost += event.lost
+            counts.late += step.late and whole and self._decides
+            counts.lost += event.lost if self._knows_first else 0
         if event.lost or step.forced:
             self._degraded = True
 

@@ -101,11 +101,11 @@ def _counters(core: Session, refused: int) -> dict[str, int]:
 
 
 def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
-    """Each stream of a monitor that is ordered or has counts; `lag` (ns) is in the session's time."""
+    """Each stream of a monitor that is ordered, or has counts or held events; `lag` (ns) is in the session's time."""
     depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
     frontiers, publishers = core.buffer.frontiers, core.buffer.publishers
     present = now if core.simulated is None else core.simulated.now
-    for source in dict.fromkeys((*frontiers, *core.counts)):
+    for source in dict.fromkeys((*frontiers, *depths, *core.counts)):
         monitor, stream = source
         frontier, counts = frontiers.get(source), core.counts.get(source, StreamCounts())
         yield {

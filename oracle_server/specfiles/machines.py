@@ -16,7 +16,7 @@ from oracle_server.core.machines.making import MAX_VALUES, STAY, by_states, by_v
 from oracle_server.core.machines.sequence import by_sequence, unknown_event
 from oracle_server.core.machines.table import ERROR, MAX_STATES, Limit, Table
 from oracle_server.core.nearest import listed, nearest
-from oracle_server.core.units import duration, span
+from oracle_server.core.units import duration
 from oracle_server.specfiles.document import Document, KeyPath
 from oracle_server.specfiles.model import DeriveModel
 
@@ -68,13 +68,6 @@ def read_machine(document: Document, name: str, model: DeriveModel, names: Names
             limit.state,
             key,
         )
-    for limit in table.limits:
-        if forget is not None and limit.within is not None and forget <= limit.within:
-            raise MachineError(
-                f"what is forgotten after {span(forget)} is in its start again, and so has left '{limit.state}', as if "
-                f"in time: write a `forget` that is longer than the `within` of {span(limit.within)}",
-                "forget",
-            )
     return Definition(
         name, "states", ", ".join(reading.states), by=by, forget=forget, table=table, events=_formulas(table, names)
     )

@@ -24,6 +24,7 @@ from oracle_server.core.spec import Spec
 from oracle_server.core.units import span
 from oracle_server.core.unmet import why_never
 
+_ORDERS = ("<", "<=", ">", ">=")
 _STATE = (Atom, tree.Not, tree.And, tree.Or, tree.Implies)
 """What a formula of one step is made of."""
 
@@ -40,6 +41,7 @@ def derived_problems(spec: Spec) -> Iterator[SpecProblem]:
     yield from _asked(spec, ranges)
     yield from uncompared(spec)
     yield from _too_early(spec)
+    yield from _forgotten(spec)
 
 
 def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:
@@ -222,8 +224,6 @@ def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str,
     name, text = definition.name, render_atom(Atom((constraint,)))
     if definition.op == "age" and isinstance(constraint.value, Ref):
         return f"`{text}` binds another value at every instant; compare '{name}' with a number, as `{{{name} > 0.5}}`"
-    if definition.op == "age" and definition.forget is not None and isinstance(constraint.value, int | float):
-        return _forgotten(definition, constraint.value, text)
     if definition.table is not None:
         return never(definition, constraint)
     if isinstance(constraint.value, str | bool) and ranges[name].kinds == {"number"}:
@@ -231,14 +231,22 @@ def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str,
     return None
 
 
-def _forgotten(definition: Definition, limit: float, text: str) -> str | None:
-    """Why an age is never known to be so long, since what it is of is forgotten before; None where it is not."""
-    if definition.forget is None or limit * 10**9 < definition.forget:
-        return None
-    return (
-        f"`{text}` is never known: what was not heard of for {span(definition.forget)} is forgotten, and was never "
-        f"heard of then; write a `forget` of '{definition.name}' that is longer than the {limit:g} s"
+def _forgotten(spec: Spec) -> Iterator[SpecProblem]:
+    """Limits of ages that none reaches, since what is so old is forgotten, and was never heard of then."""
+    lives = {d.name: d.forget for d in spec.derive if d.op == "age" and d.forget is not None}
+    asked = (
+        (i, prop, atom, c) for i, prop in enumerate(spec.properties) for atom in prop.atoms for c in atom.constraints
     )
+    for i, prop, atom, c in asked if lives else ():
+        life = lives.get(c.key)
+        if life is None or c.op not in _ORDERS or not isinstance(c.value, int | float) or c.value * 10**9 < life:
+            continue
+        message = (
+            f"formula of '{prop.id}': what was not heard of for {span(life)} is forgotten, as if never heard of, so "
+            f"that `{render_atom(Atom((c,)))}` can't be told; write a `forget` of '{c.key}' that is longer than the "
+            f"{c.value:g} s"
+        )
+        yield SpecProblem(("properties", i, "formula"), message, atom.at, severity="warning", kind="vacuous")
 
 
 def _problem(

@@ -10,6 +10,7 @@ from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref
 from oracle_server.core.nearest import listed, nearest
+from oracle_server.core.units import span
 
 KeyPath = tuple[str | int, ...]
 
@@ -45,6 +46,7 @@ def machine_problems(definition: Definition) -> Iterator[SpecProblem]:
     if definition.op == "states":
         yield from _unreached(definition)
         yield from _untold(definition)
+        yield from _forgotten(definition)
 
 
 def never(definition: Definition, constraint: Constraint) -> str | None:
@@ -88,6 +90,20 @@ def _untold(definition: Definition) -> Iterator[SpecProblem]:
                 f"{definition.name}` is violated as long as the machine is there; leave it out"
             )
             yield SpecProblem(("derive", definition.name, "states", limit.state, key), message, severity="warning")
+
+
+def _forgotten(definition: Definition) -> Iterator[SpecProblem]:
+    """Limits of states that a machine has left when it is forgotten, and so in its start."""
+    table, life = definition.table, definition.forget
+    for limit in () if table is None or life is None else table.limits:
+        if life is not None and limit.within is not None and life <= limit.within:
+            message = (
+                f"derived signal '{definition.name}': what is forgotten after {span(life)} is in its start again, and "
+                f"so has left '{limit.state}', as if in time; write a `forget` that is longer than the `within` of "
+                f"{span(limit.within)}"
+            )
+            path = "derive", definition.name, "forget"
+            yield SpecProblem(path, message, severity="warning", kind="vacuous")
 
 
 def _named(definition: Definition, path: KeyPath, event: str) -> KeyPath:

@@ -103,12 +103,22 @@ class SavableJudge(RevisingJudge):
         It is decided as it was. Steps in order, and late ones that have a place, wait for others: what stands does not
         depend on when they come. `finish_again` judges what waits.
         """
-        step, kind = recorded.step, recorded.step.event.stream.kind
+        kind = recorded.step.event.stream.kind
         if self.ticking and kind != TICK and recorded.place is None:  # a pass has ended, and the deadlines of it
             if any(row.judged.place is not None for row in self._gathered):
                 self.finish_again()
             self._early = {}
-        if kind == TICK:
+        if not isinstance(recorded, Revision):  # the rows that one changed are as they stand
+            self._judge_recorded(recorded, position)
+            self._position = position
+        self._count_again(recorded, position)
+        self._restoring = False
+        self._numbered = max(self._numbered, recorded.number or 0)
+        self._numbers = itertools.count(position * len(self.properties) + 1)
+
+    def _judge_recorded(self, recorded: Judged, position: int) -> None:
+        step = recorded.step
+        if step.event.stream.kind == TICK:
             self.finish_again()
             self._restoring = step.event.source != ENDED
             if self._restoring:
@@ -118,19 +128,14 @@ class SavableJudge(RevisingJudge):
                 self.counters.ticks = max(self.counters.ticks, step.event.seq)
         elif step.skipped:
             self.degrade()
-        elif not isinstance(recorded, Revision) and position not in self.keeping.placed:
+        elif position not in self.keeping.placed:
             if step.event.lost or step.forced:
                 self.degrade()
             self._step_again(recorded, position)
-        if position > self._counted:
-            self._count_again(recorded)
-        self._restoring = False
-        self._numbered = max(self._numbered, recorded.number or 0)
-        self._numbers = itertools.count(position * len(self.properties) + 1)
-        if not isinstance(recorded, Revision):
-            self._position = position
 
-    def _count_again(self, recorded: Judged) -> None:
+    def _count_again(self, recorded: Judged, position: int) -> None:
+        if position <= self._counted:
+            return
         if isinstance(recorded, Revision):
             self._count_changes([recorded])
         elif recorded.step.event.monitor:
