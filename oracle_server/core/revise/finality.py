@@ -134,7 +134,8 @@ class RevisableState(PropertyState):
         self.outcome, self.negative, self.failures = stand.outcome, stand.negative, stand.failures
         self.violations, self.first_violation = stand.violations, stand.first_violation
         self.first_violation_step, self.first_violation_at = stand.first_violation_step, stand.first_violation_at
-        self.final, self.final_since = stand.final, stand.final_since
+        if not self.said:  # what was said to be final is not taken back
+            self.final, self.final_since = stand.final, stand.final_since
 
     def _final(self, time: int) -> Outcome:
         assert self.final is not None  # noqa: S101 -- only called where it is
