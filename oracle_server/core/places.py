@@ -57,6 +57,12 @@ class Place:
             return True
         return key in self.held and key not in self.lack
 
+    def among(self, keys: frozenset[str]) -> frozenset[str]:
+        """Those of some signals that an event can have."""
+        reserved = RESERVED if self.stream is None else reserved_of(self.stream)
+        near = keys if self.open else keys & (self.own.keys() | self.held.keys() | reserved)
+        return frozenset(filter(self.has, near))
+
     def allows(self, atom: Atom) -> bool:
         """Whether an event can meet an atom, as far as the reserved signals decide."""
         reserved = [c for c in atom.constraints if self._reserves(c.key)]
@@ -134,7 +140,7 @@ def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Pla
         found.append(Place(stream, constants(stream), there, either | marks, held, open=not known))
     if time == "seconds":
         found.append(Place(None, {}, frozenset(), {}, held, open=False))
-    return [replace(place, lack=_lack(spec, place)) for place in found] if spec.derive else found
+    return _with_lacks(spec, found) if spec.derive else found
 
 
 def _all(
@@ -150,10 +156,21 @@ def _all(
     return found
 
 
-def _lack(spec: Spec, place: Place) -> dict[str, tuple[str, ...]]:
-    """The derived signals that are absent at a place. A tick carries the keys that it is for."""
-    keys = frozenset() if place.stream else frozenset(by for d in spec.derive for by in d.by)
-    return lacking(spec.derive, lambda name: name in keys or place.has(name))
+def _with_lacks(spec: Spec, found: Sequence[Place]) -> list[Place]:
+    """The places with the derived signals that are absent there, worked out once for all that have the same of them.
+
+    A tick carries the keys that it is for.
+    """
+    needed = frozenset(name for definition in spec.derive for name in definition.needed)
+    keys = frozenset(by for definition in spec.derive for by in definition.by)
+    lacks: dict[frozenset[str], Mapping[str, tuple[str, ...]]] = {}
+    made = []
+    for place in found:
+        there = place.among(needed) | (keys if place.stream is None else frozenset())
+        if there not in lacks:
+            lacks[there] = lacking(spec.derive, there.__contains__)
+        made.append(replace(place, lack=lacks[there]))
+    return made
 
 
 def likened(atom: Atom, found: Sequence[Place]) -> list[Place]:

@@ -19,10 +19,11 @@ def unseen_silence(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
         if prop.time != "seconds" or prop.numeric or prop.external or looks_ahead(prop.formula):
             continue
-        reads = {each.name: each for each in spec.derive if each.name in spec.derived_of(prop)}
+        names = frozenset(spec.derived_of(prop))
+        reads = [each for each in spec.derive if each.name in names]
         measured = {measure.name for measure in prop.measures if measure.op == "rate"}
-        awaits = any(each.op == "age" or each.name in measured for each in reads.values())
-        gone = _gone(spec, prop, reads.values()) if awaits else set()
+        awaits = any(each.op == "age" or each.name in measured for each in reads)
+        gone = _gone(spec, prop, reads) if awaits else set()
         if gone and (prop.measures or not gone & RESERVED):
             message = f"formula of '{prop.id}': no deadline violates it, so that silence is not told: {_mend(gone)}"
             yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="vacuous")

@@ -23,7 +23,8 @@ from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.native import NativeEngine
 from tests.core.revising import A, B, Run, compared, reference
 from tests.core.revising_derived import case
-from tests.core.test_revise import MS, event, marred
+from tests.core.test_revise import MS, event
+from tests.core.test_revise_restarts import marred
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 

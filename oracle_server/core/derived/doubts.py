@@ -1,4 +1,4 @@
-"""What formulas of derived signals ask that can never hold, or always does, and states that nothing can follow."""
+"""What is doubtful in derived signals: what never holds or comes, and events that come again and again."""
 
 from __future__ import annotations
 

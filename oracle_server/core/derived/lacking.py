@@ -15,9 +15,7 @@ def lacking(definitions: Sequence[Definition], may_have: Callable[[str], bool]) 
     found: dict[str, tuple[str, ...]] = {}
     derived = {definition.name for definition in definitions}
     for definition in definitions:
-        lacks = [
-            found.get(name) or (() if name in derived or may_have(name) else (name,)) for name in definition.needed
-        ]
-        if lacks and (all(lacks) if len(definition.by) > 1 else any(lacks)):
-            found[definition.name] = tuple(dict.fromkeys(name for names in lacks for name in names))
+        gone = [n for n in definition.needed if n in found or not (n in derived or may_have(n))]
+        if gone and (len(definition.by) < 2 or len(gone) == len(definition.needed)):
+            found[definition.name] = tuple(dict.fromkeys(root for name in gone for root in found.get(name, (name,))))
     return found

@@ -37,8 +37,8 @@ def _range(definition: Definition, known: Mapping[str, Range]) -> Range:
         return Range(values=tuple(dict.fromkeys(value for value in definition.table.values if value is not None)))
     if definition.op in ("last", "previous"):
         return known.get(definition.of, ANYTHING)
-    if definition.op in ("min", "max") and (known.get(definition.of) or ANYTHING).has_numbers:
-        return known.get(definition.of, NUMBER).numbers
+    if definition.op in ("min", "max"):
+        return known.get(definition.of, ANYTHING).numbers
     if definition.op == "count":
         most = definition.over if definition.counted and definition.over is not None else _MANY
         return Range(whole=(0, most))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from oracle_server.core.events import ENDED, Step
 from oracle_server.core.kinds import TICK
 from oracle_server.core.revise.judge import RevisingJudge
+from oracle_server.core.revise.kept import MOST
 from oracle_server.core.verdicts import Judged
 
 
@@ -36,7 +37,8 @@ class Recurring:
     """Gives a judge the rows of a trace: late events that were put in their places together come together again.
 
     They are next to each other in the sequence, with the deadlines that were judged then, and with what had come before
-    they all were judged; the revisions, which a trace does not have, leave a gap behind them.
+    they all were judged; the revisions, which a trace does not have, leave a gap behind them. Where there were none, no
+    gap tells the end of a pass: it ends after `MOST` rows then.
     """
 
     def __init__(self, judge: RevisingJudge) -> None:
@@ -53,7 +55,7 @@ class Recurring:
     def take(self, row: Row) -> list[Judged]:
         """Judge a row again; those of a pass once the next row is none of it."""
         ends = row.is_tick and row.step.event.source == ENDED
-        outputs = [] if self._goes_on(row) and not ends else self.finish()
+        outputs = [] if self._goes_on(row) and not ends and len(self._pass) < MOST else self.finish()
         self._last = row.position
         if row.placed or self._pass:
             self._pass.append(row)
