@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from oracle_server.core.derived.definition import Definition
+from oracle_server.core.events import Step
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.plan import plan
-from oracle_server.core.revise import judge
+from oracle_server.core.revise import judge, recurring
 from oracle_server.core.revise.kept import Keeping
 from oracle_server.core.revise.queued import Asked
 from oracle_server.core.revise.recurring import Recurring, Row
@@ -71,16 +72,33 @@ def test_a_trace_judged_again_says_what_the_session_did_number_for_number(time: 
         run.take(run.session.end(run.session.now))
         again = Run(run.case)
         assert again.session.lateness is not None
-        recurring = Recurring(again.session.lateness.judge)
+        rows = Recurring(again.session.lateness.judge)
         for position, row in run.book.first.items():
             again.session.note_again(row.step, row.judged)
             degraded = all(verdict.degraded for verdict in row.verdicts)
-            again.book.take(recurring.take(Row(position, row.step, row.judged, row.place is not None, degraded)))
-        again.book.take(recurring.finish())
+            again.book.take(rows.take(Row(position, row.step, row.judged, row.place is not None, degraded)))
+        again.book.take(rows.finish())
         assert compared(again.stands()) == compared(run.stands()), number
         for at, row in run.book.rows.items():
             assert told(again.book.rows[at]) == told(row), (number, at)
         assert [*how_it_ended(again)] == [*how_it_ended(run)], number
+
+
+def test_a_trace_without_revisions_is_judged_as_it_comes_and_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recurring, "MOST", 3)
+    rng = random.Random(1)
+    run = Run(case(rng, "steps"))
+    assert run.session.lateness is not None
+    rows = Recurring(run.session.lateness.judge)
+    said = []
+    for position in range(1, 9):
+        step = event(B, position, 2_000 + position, 3_000 + position)
+        late = position == 2
+        at = Step(step, {}, frozenset(), (1_000 if late else 2_000 + position) * MS, late=late)
+        said.append(len(rows.take(Row(position, at, (3_000 + position) * MS, late))))
+    assert said[:4] == [1, 0, 0, 0], "they wait for the end of the pass"
+    assert said[4] >= 4, "it ends here"
+    assert said[5:] == [1, 1, 1]
 
 
 def told(row: Judged) -> Any:
