@@ -185,18 +185,18 @@ class Session(Resumable):
         judged += self._judge(released) if released else []
         if self.rows and wholly:
             judged += self.rows.judge(self._judge_one, None)
-        late = self.lateness
+        late = None if self.rows else self.lateness
         if late is not None and (late.due is not None or late.judge.ahead or late.judge.unknown):
             judged += late.go_on(self.now, self._enough)
         return judged + self._run_out(wholly=wholly) if self._ticking else judged
 
-    def release(self, now: int) -> list[Judged]:
-        """Let all that is held be due: `advance` judges it in turns, as `finish` does at once."""
-        judged = self.advance(now, wholly=True)
-        self.buffer.expire()
-        if self.lateness is not None:
+    def release(self) -> bool:
+        """Let all that is held be due, or where nothing is, what is late; return whether there is any for `advance`."""
+        if self.buffer.first is not None:
+            self.buffer.expire()
+        elif self.lateness is not None:
             self.lateness.expire(self.now)
-        return judged
+        return self.has_due
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""

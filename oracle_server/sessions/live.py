@@ -226,8 +226,7 @@ class LiveSession:
     async def drain(self) -> None:
         """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""
         self.closing = True
-        self.share.run(lambda: self._deliver(self.core.release(self._enter())))
-        while self.core.has_due:
+        while self.core.has_due or self.core.release():
             self.share.run(lambda: self._deliver(self.core.advance(self._enter())))
             await asyncio.sleep(0)
 

@@ -41,7 +41,10 @@ TIMES = {"arrived", "judged"}
 class Served:
     """A history, and the server that has it at present."""
 
-    def __init__(self, folder: Path, by: str, text: str = SPEC, history: History | None = None) -> None:
+    def __init__(
+        self, folder: Path, by: str, text: str = SPEC, history: History | None = None, clock: Clock | None = None
+    ) -> None:
+        self.clock = clock or Clock()
         self.history = history or MemoryHistory()
         self.history.start(asyncio.get_running_loop())
         self.library = Library(None, folder)
@@ -49,7 +52,7 @@ class Served:
 
     async def begin(self) -> None:
         """Let a server that ended without a word be followed by another."""
-        self.sessions = Registry(self.history, self.library, Clock(), resume_within=3600)
+        self.sessions = Registry(self.history, self.library, self.clock, resume_within=3600)
         await self.sessions.restore_all()
         self.outbox = Kept()
         self.live, self.monitor = await self.sessions.attach(attach("s", "spec"), self.outbox)

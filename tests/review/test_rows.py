@@ -21,7 +21,7 @@ from tests.history.making import find
 from tests.processes import PATIENCE
 from tests.replay.judging import judge, write_spec
 from tests.review.test_restore import TIMES, Served
-from tests.sessions.making import event
+from tests.sessions.making import Standing, event
 
 CHANGING = TIMES | {"waited", "released"}
 """What goes by when an event came: those that are sent again come together."""
@@ -56,7 +56,9 @@ async def send(made: Served, seq: int, stream: str, what: Any, stamp: int) -> No
 async def judged(folder: Path, by: str, late: str, history: History, *, restarted: bool, saved: bool) -> Any:
     """What comes of some events, with a server that ends after each of them, or goes on."""
     folder.mkdir()
-    made = Served(folder, by, SPEC.replace("LATE", late), history)
+    made = Served(
+        folder, by, SPEC.replace("LATE", late), history, Standing()
+    )  # late ones wait; none at an ended server
     await made.begin()
     for i, one in enumerate(SENT):
         await send(made, *one)

@@ -30,6 +30,17 @@ properties:
 """
 
 
+class Standing(Clock):
+    """A clock that stands still unless a test lets it go on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.time = super().now()
+
+    def now(self) -> int:
+        return self.time
+
+
 class Kept:
     """An outbox that keeps what is sent."""
 

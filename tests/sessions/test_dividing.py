@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 
 from oracle_server.core.events import Signals
 from oracle_server.core.spec import SECOND
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.process.clock import Clock
+from oracle_server.history.query import Query
 from oracle_server.sessions.shares import FREE, Shares
 from oracle_server.wire.incoming import EventMessage
+from tests.history.making import find
 from tests.processes import PATIENCE
-from tests.sessions.making import Kept, attach, registry
+from tests.sessions.making import Kept, Standing, attach, registry
 
 ORDERED = """
 id: ordered
@@ -29,17 +30,15 @@ properties:
 HELD = 40
 
 
+def hurried() -> Shares:
+    """Shares of which each look finds that a turn's time was spent."""
+    looks = count(step=2 * FREE)
+    return Shares(lambda: 0.0, lambda: next(looks))
+
+
 async def test_what_is_released_at_once_is_judged_in_turns(tmp_path: Path) -> None:
-    spent = 0.0
-
-    def look() -> float:
-        """Each look finds that a turn's time was spent."""
-        nonlocal spent
-        spent += 2 * FREE
-        return spent
-
     history = MemoryHistory()
-    sessions = registry(history, tmp_path, ORDERED, shares=Shares(lambda: 0.0, look))
+    sessions = registry(history, tmp_path, ORDERED, shares=hurried())
     outbox = Kept()
     session, monitor = await sessions.attach(attach("s", "ordered"), outbox)
     counters = session.core.judges["publication"].counters
@@ -70,26 +69,10 @@ properties:
 """
 
 
-class Standing(Clock):
-    """A clock that stands still until it is set."""
-
-    time = 10**18
-
-    def now(self) -> int:
-        return self.time
-
-
 async def test_deadlines_that_expire_at_once_are_judged_in_turns_and_events_come_behind_them(tmp_path: Path) -> None:
     """Each event has deadlines of its own, which all expire within a microsecond."""
-    spent = 0.0
-
-    def look() -> float:
-        nonlocal spent
-        spent += 2 * FREE
-        return spent
-
     history, clock = MemoryHistory(), Standing()
-    sessions = registry(history, tmp_path, TIMED, shares=Shares(lambda: 0.0, look), clock=clock)
+    sessions = registry(history, tmp_path, TIMED, shares=hurried(), clock=clock)
     session, monitor = await sessions.attach(attach("s", "timed"), Kept())
     judge = session.core.judges["arrival"]
     ticks, tick = 0, judge.tick
@@ -132,15 +115,8 @@ properties:
 
 async def test_while_steps_are_judged_again_no_event_is_taken(tmp_path: Path) -> None:
     """What waits for a pass would have no bound: the order has let go of it, so that no credit holds it back."""
-    spent = 0.0
-
-    def look() -> float:
-        nonlocal spent
-        spent += 2 * FREE
-        return spent
-
     history, clock = MemoryHistory(), Standing()
-    sessions = registry(history, tmp_path, REVISING, shares=Shares(lambda: 0.0, look), clock=clock)
+    sessions = registry(history, tmp_path, REVISING, shares=hurried(), clock=clock)
     session, monitor = await sessions.attach(attach("s", "revising"), Kept())
     for seq in range(1, HELD + 1):
         stamp = seq + 10 if seq < HELD else 1
@@ -159,15 +135,8 @@ async def test_while_steps_are_judged_again_no_event_is_taken(tmp_path: Path) ->
 
 
 async def test_what_is_held_when_a_session_is_closed_is_judged_in_turns(tmp_path: Path) -> None:
-    spent = 0.0
-
-    def look() -> float:
-        nonlocal spent
-        spent += 2 * FREE
-        return spent
-
     history = MemoryHistory()
-    sessions = registry(history, tmp_path, ORDERED, shares=Shares(lambda: 0.0, look))
+    sessions = registry(history, tmp_path, ORDERED, shares=hurried())
     session, monitor = await sessions.attach(attach("s", "ordered"), Kept())
     counters = session.core.judges["publication"].counters
     for seq in range(1, HELD + 1):
@@ -182,4 +151,44 @@ async def test_what_is_held_when_a_session_is_closed_is_judged_in_turns(tmp_path
     assert closing.result()
     assert steps[-1] == HELD
     assert max(after - before for before, after in pairwise(steps)) <= 2
+    history.close()
+
+
+ROWS = """
+id: rows
+ordering: {late: revise, max_delay: 1s, horizon: 1s}
+streams:
+  - {topic: /a, each: msg.items, signals: {v: item.v}}
+  - {topic: /b, signals: {v: msg.v}}
+properties:
+  - {id: rising, formula: 'not ({v: 2} and not pre {v: 1})'}
+"""
+
+
+async def test_nothing_that_is_late_is_judged_between_the_rows_of_an_event(tmp_path: Path) -> None:
+    """What is too late for its place is judged at the present: behind an event, and not in the midst of it."""
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path, ROWS, shares=hurried(), clock=clock)
+    session, monitor = await sessions.attach(attach("s", "rows"), Kept())
+
+    def send(seq: int, stamp: int, *values: int) -> None:
+        data = {"items": [{"v": v} for v in values]}
+        message = EventMessage(seq=seq, stream="/a", stamp=stamp * SECOND, data=data)
+        session.share.run(session.ingest, monitor, message)
+
+    send(1, 5, 0)
+    clock.time += SECOND
+    session.share.run(session._tick)
+    send(2, 7, 1, 2)
+    send(3, 1, 0)
+    assert session.core.lateness is not None
+    assert session.core.lateness.waiting == 1
+    clock.time += SECOND
+    async with asyncio.timeout(PATIENCE):
+        await session.caught_up()
+    assert await sessions.closed_within(session, PATIENCE)
+    found, _ = await find(history, session.record, Query(limit=1000))
+    assert [(record["seq"], record["row"], record["violation"]) for record in found] == [
+        (1, 0, False), (2, 0, False), (2, 1, False), (3, 0, False),
+    ]  # fmt: skip
     history.close()

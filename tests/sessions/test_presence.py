@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.presence import IDLE
 from oracle_server.sessions.registry import Registry
@@ -17,7 +16,7 @@ from oracle_server.sessions.status import session_state
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
 from tests.processes import PATIENCE
-from tests.sessions.making import GUARD, Kept, attach, event, registry
+from tests.sessions.making import GUARD, Kept, Standing, attach, event, registry
 
 SECOND = 10**9
 HOUR = 3600 * SECOND
@@ -29,17 +28,6 @@ close: after 20ms
 streams: [{topic: /go, signals: {speed: msg.speed}}]
 properties: [{id: stops, time: seconds, formula: '{speed > 3} -> eventually[:1h] {speed < 1}'}]
 """
-
-
-class Set(Clock):
-    """A clock that goes on only where a test says so."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.time = super().now()
-
-    def now(self) -> int:
-        return self.time
 
 
 @pytest.fixture(autouse=True)
@@ -60,7 +48,7 @@ def state(live: LiveSession) -> dict[str, object]:
 
 
 async def test_a_session_is_live_with_a_monitor_and_idle_ten_minutes_after_the_last(tmp_path: Path) -> None:
-    clock = Set()
+    clock = Standing()
     sessions = registry(MemoryHistory(), tmp_path, GUARD, clock=clock)
     opened = await sessions.create("guard", "s")
     clock.time += IDLE - 1
@@ -104,7 +92,7 @@ async def test_a_session_that_only_waits_for_deadlines_is_without_a_monitor(tmp_
 
 
 async def test_the_time_without_a_monitor_goes_on_over_a_restart(tmp_path: Path) -> None:
-    clock, history = Set(), MemoryHistory()
+    clock, history = Standing(), MemoryHistory()
     sessions = registry(history, tmp_path, HOURLY, clock=clock)
     for name in ("left", "there"):
         live, monitor = await sessions.attach(attach(name, "guard"), Kept())
