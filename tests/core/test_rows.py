@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import random
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from typing import Any, Literal, NamedTuple
+from unittest.mock import patch
 
 import msgspec
 import pytest
@@ -14,6 +17,7 @@ from hypothesis import strategies as st
 from oracle_server.core.asking import Ask
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.revise import lateness
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.signals import RowProjection
@@ -66,8 +70,13 @@ def course(
     rows: bool,
     enough: Callable[[], bool] | None = None,
     asked: bool = False,
+    horizon: int = 500,
+    busy: bool = False,
 ) -> list[Judged]:
-    """What is judged of messages with rows, or of an event for each element; `asked`: an oracle is, of others."""
+    """What is judged of messages with rows, or of an event for each element.
+
+    `asked`: an oracle is, of others; `busy`: the server looks at the time only when a message comes.
+    """
     signals = {"k": "item.k", "v": "item.v"} if rows else {"k": "msg.k", "v": "msg.v"}
     streams = (StreamSpec("/tf", signals=signals, each="msg.list" if rows else None), StreamSpec("/other", signals={}))
     told_again = any(one.delay > MAX_DELAY for one in script)
@@ -76,7 +85,7 @@ def course(
     if asked:
         properties = [*properties, external("theirs", "/other")]
     session = open_session(
-        properties, attach={"m": [TF], "n": [OTHER]}, streams=streams, maker=made, late=late, by=by, horizon=500
+        properties, attach={"m": [TF], "n": [OTHER]}, streams=streams, maker=made, late=late, by=by, horizon=horizon
     )
     waiting = deque[Ask]()
     if enough is not None:
@@ -90,7 +99,7 @@ def course(
         key, monitor = (OTHER, "n") if one.other else (TF, "m")
         items = [{"k": k, "v": v} for k, v in one.items]
         data: list[Any] = [{"list": items}] if rows or one.other else items or [{}]
-        judged += until(session, arrived)
+        judged += session.advance(arrived) if busy else until(session, arrived)
         for each in data:
             seqs[monitor] += 1
             judged += session.ingest(Event(key, monitor, seqs[monitor], stamped, arrived, each))
@@ -162,6 +171,32 @@ def test_they_are_beside_what_an_oracle_elsewhere_is_asked(
     enough = (lambda: True) if divided else None
     apart, mine = (course(script, late, by, rows=rows, enough=enough, asked=True) for rows in (False, True))
     assert told(mine) == told(apart)
+
+
+def sparse(one: Sent, factor: int) -> Sent:
+    """Sent so many times as long after the last one."""
+    return one._replace(after=one.after * factor)
+
+
+@often
+@given(
+    st.lists(st.builds(sparse, sent, st.sampled_from([1, 20])), max_size=12),
+    st.sampled_from(["judge", "skip", "revise"]),
+    st.sampled_from(["publication", "arrival"]),
+    st.sampled_from([3, 80, 500]),
+    st.randoms(use_true_random=False),
+)
+def test_however_divided_nothing_is_judged_between_two_rows_of_an_event(
+    script: list[Sent], late: Late, by: str, horizon: int, rng: random.Random
+) -> None:
+    """Not even what comes too late to be put in its place."""
+    by = "publication" if late == "revise" else by
+    with patch.object(lateness, "TOGETHER", 20):
+        judged = course(script, late, by, rows=True, enough=lambda: rng.random() < 0.6, horizon=horizon, busy=True)
+    steps = [j.step.event for j in judged if not isinstance(j, Revision) and j.step.event.monitor and j.place is None]
+    messages = [len(list(rows)) for _, rows in groupby(steps, key=lambda event: (event.monitor, event.seq))]
+    seqs = [(event.monitor, event.seq) for event in steps if not event.more]
+    assert len(messages) == len(seqs) == len(set(seqs))
 
 
 def unnumbered(judged: Judged) -> Judged:
