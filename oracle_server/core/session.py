@@ -123,7 +123,7 @@ class Session(Resumable):
     def divide(self, enough: Callable[[], bool]) -> None:
         """Judge what the order releases at once, and deadlines, one by one until `enough`; the rest is due at once.
 
-        That changes when something is judged, and neither its order nor what becomes of it.
+        That changes when something is judged, and what is in order keeps it; a late event does not wait for the rest.
         """
         self.buffer.most, self._enough = 1, enough
 
