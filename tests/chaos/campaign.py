@@ -26,6 +26,7 @@ from tests.chaos.runs import (
     TRIO,
     Layout,
     attach_frame,
+    key,
     own,
     specs,
     stream_through,
@@ -166,23 +167,20 @@ def judged(
 
     `revised`: revisions have numbers of their own, and what stands is compared.
     """
-    found = Counter(map(_key, records))
-    wanted = {_key(record): record for record in expected}
+    found = Counter(map(key, records))
+    wanted = {key(record): record for record in expected}
     count = Count(lost=len(wanted.keys() - found.keys()), twice=sum(n - 1 for n in found.values()))
     numbers = [record["n"] for record in records]
     count.twice += numbers != (sorted(set(numbers)) if revised else list(range(1, len(records) + 1)))
     said = _standing if revised else partial(_said, spoilt=spoilt)
     for record in records:
-        other = wanted.get(_key(record))
+        other = wanted.get(key(record))
         excused = spoilt and (record["outcome"] == "unknown" or record["degraded"])
         count.different += other is None or not (excused or said(record) == said(other))
-        told_as = decisions.get(_key(record)[:2])
-        count.different += told_as is not None and told_as != record["decision"]
+        told_as = decisions.get((record["monitor"], record["seq"]))  # with the last row
+        is_decided = told_as is not None and (other is None or other["decision"] is not None)
+        count.different += is_decided and told_as != record["decision"]
     return count
-
-
-def _key(record: Frame) -> tuple[str, int, str]:
-    return record["monitor"], record["seq"], record["property"]
 
 
 def _said(record: Frame, spoilt: bool) -> Frame:

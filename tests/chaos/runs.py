@@ -45,6 +45,11 @@ PAIR = Layout(
     # what comes in over two connections is only in order if events wait for each other, however slow all is
     (("max_delay: 200ms", "max_delay: 600s"), ("action: filter\n", "action: filter\n    decide_within: 700s\n")),
 )
+ROWS = (
+    "InputAccepted\n    action: log\n    signals:\n      id: string(msg.id)",
+    "InputAccepted\n    action: log\n    each: msg.inputs\n    signals:\n      id: string(item.id)",
+)
+"""Each message of /input_accepted lists the latest inputs, which are its rows."""
 DERIVED = """derive:
   statuses: {count: '{topic: "/battery_status"}', over: 40}
   seen: {count: '{topic: "/battery_status"}', over: 2s, by: id}
@@ -75,7 +80,9 @@ def observed(countdowns: int = COUNTDOWNS) -> list[Frame]:
         simulate(fault="request_without_change", countdowns=countdowns), MS, 0, in_order=True
     )
     shift = time.time_ns() - lines[-1]["stamp"]
-    chance = random.Random(0)
+    chance, inputs = random.Random(0), [line for line in lines if line["stream"] == "/input_accepted"]
+    for i, line in reversed(list(enumerate(inputs))):
+        line["data"] = {"inputs": [one["data"] for one in inputs[max(0, i - i % 3) : i + 1]]}
     return [
         {
             "type": "event",
@@ -95,7 +102,7 @@ async def uninterrupted(layout: Layout, trace: list[Frame], folder: Path, known:
             known[layout.name] = await served.records(SESSION)
         assert_sound(known[layout.name], links)
         properties = {record["property"] for record in known[layout.name]}
-        assert len(known[layout.name]) == len(properties) * len(trace)
+        assert len(known[layout.name]) == len(properties) * sum(map(rows, trace))
         assert not any(record["late"] or record["skewed"] or record["degraded"] for record in known[layout.name])
         assert any(record["violation"] for record in known[layout.name])
     return known[layout.name]
@@ -151,8 +158,12 @@ def assert_sound(records: list[Frame], links: list[Link]) -> None:
     """Every event is there, once a property, with the decision that its monitor was told; and `n` has no gaps."""
     assert [record["n"] for record in records] == list(range(1, len(records) + 1))
     properties = sorted({record["property"] for record in records})
-    assert Counter((record["monitor"], record["seq"], record["property"]) for record in records) == Counter(
-        (link.attach["monitor"], event["seq"], name) for link in links for event in link.events for name in properties
+    assert Counter(map(key, records)) == Counter(
+        (link.attach["monitor"], event["seq"], row, name)
+        for link in links
+        for event in link.events
+        for row in range(rows(event))
+        for name in properties
     )
     for link in links:
         monitor = link.attach["monitor"]
@@ -167,6 +178,16 @@ def assert_same(records: list[Frame], expected: list[Frame]) -> None:
         changed = {k: (v, other[k]) for k, v in record.items() if k not in PASSING and v != other[k]}
         assert record.keys() - {"waited"} == other.keys() - {"waited"}, (record, other)
         assert not changed, f"n {record['n']}: {changed}"
+
+
+def key(record: Frame) -> tuple[str, int, int, str]:
+    """What a record is of: monitor, number, row, property."""
+    return record["monitor"], record["seq"], record.get("row", 0), record["property"]
+
+
+def rows(event: Frame) -> int:
+    """How many steps an event makes."""
+    return len(event["data"].get("inputs", "_"))
 
 
 def told(trace: list[Frame]) -> int:
@@ -195,7 +216,7 @@ def attach_frame(layout: Layout, monitor: str) -> Frame:
 def specs(layout: Layout, folder: Path) -> Path:
     """A folder with the layout's spec."""
     text = (SPECS / "battery_uav.yaml").read_text()
-    for old, new in layout.changes:
+    for old, new in (ROWS, *layout.changes):
         assert old in text
         text = text.replace(old, new)
     target = folder / "specs"
