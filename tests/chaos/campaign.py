@@ -177,9 +177,9 @@ def judged(
         other = wanted.get(key(record))
         excused = spoilt and (record["outcome"] == "unknown" or record["degraded"])
         count.different += other is None or not (excused or said(record) == said(other))
-        told_as = decisions.get((record["monitor"], record["seq"]))  # with the last row
-        is_decided = told_as is not None and (other is None or other["decision"] is not None)
-        count.different += is_decided and told_as != record["decision"]
+        told_as = decisions.get((record["monitor"], record["seq"]))
+        is_last = other is None or other["decision"] is not None  # an event is decided on with the last of its rows
+        count.different += told_as is not None and record["decision"] != (told_as if is_last else None)
     return count
 
 

@@ -56,9 +56,8 @@ async def send(made: Served, seq: int, stream: str, what: Any, stamp: int) -> No
 async def judged(folder: Path, by: str, late: str, history: History, *, restarted: bool, saved: bool) -> Any:
     """What comes of some events, with a server that ends after each of them, or goes on."""
     folder.mkdir()
-    made = Served(
-        folder, by, SPEC.replace("LATE", late), history, Standing()
-    )  # late ones wait; none at an ended server
+    clock = Standing()  # what waits for others that are late waits until the close, and no ended server goes on with it
+    made = Served(folder, by, SPEC.replace("LATE", late), history, clock)
     await made.begin()
     for i, one in enumerate(SENT):
         await send(made, *one)
