@@ -61,6 +61,8 @@ from oracle_server.wire.incoming import MAX_FRAME
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
+PING = 5.0
+"""Seconds between two pings of a WebSocket, and for the answer to one."""
 _OTHER_FILES = STRANGERS + LEAVING + 200
 """Files that the server has open beyond its connections: those that come and go, and its history's."""
 _IN_MEMORY = 200_000
@@ -218,8 +220,8 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,
             ws_per_message_deflate=False,
-            ws_ping_interval=5,
-            ws_ping_timeout=5,
+            ws_ping_interval=PING,
+            ws_ping_timeout=PING,
             lifespan="off",
             log_config=None,
             access_log=False,

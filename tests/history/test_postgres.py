@@ -207,6 +207,33 @@ async def test_nothing_is_lost_or_twice_where_connections_end(postgres: Postgres
     await asyncio.to_thread(history.close)
 
 
+async def test_a_connection_that_is_left_in_the_midst_of_a_pipeline_is_not_used_again(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What ends in a pipeline may leave it open: no statement is taken then, nor is the connection closed."""
+    history = await begun(postgres.empty())
+    history.open_session(opened())
+    await history.flush()
+    executemany, left = connection.Connection.executemany, 0
+
+    def leave(self: connection.Connection, sql: str, rows: Any) -> None:
+        nonlocal left
+        left += 1
+        monkeypatch.setattr(connection.Connection, "executemany", executemany)
+        self.raw.pgconn.enter_pipeline_mode()
+        self.raw.pgconn.send_query_params(b"SELECT 1", None)
+        self._timed(self.raw.pgconn.exit_pipeline_mode)
+
+    monkeypatch.setattr(connection.Connection, "executemany", leave)
+    history.set_monitor(1, MonitorRecord("m", "i", (), attached=True, clock="wall"))
+    async with asyncio.timeout(PATIENCE):
+        await history.flush()
+    assert left == 1
+    await told(history, step(1))
+    assert await collected(history.steps(1, 0)) == [step(1)]
+    await asyncio.to_thread(history.close)
+
+
 async def test_a_server_outlives_its_database(postgres: Postgres) -> None:
     history = await begun(postgres.empty(), 0.5)
     history.open_session(opened())

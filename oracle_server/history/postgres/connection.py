@@ -81,7 +81,7 @@ class Connection:
 
     @property
     def lost(self) -> bool:
-        """Whether nothing can be done with it any more."""
+        """Whether nothing more may be done with it: it has ended, or it is not known what it does."""
         return self._severed or self.raw.closed or self.raw.broken
 
     def execute(self, sql: str, values: Sequence[Any] = (), /) -> Cursor:
@@ -113,7 +113,7 @@ class Connection:
             raise HistoryError("the history's transaction had failed, and is not committed")
 
     def rollback(self) -> None:
-        """Give the transaction up, as far as there is one and it can be told."""
+        """Give the transaction up, as far as there is one; where it can't be told, the connection is lost."""
         with contextlib.suppress(HistoryError, ValueError):
             self._timed(lambda: self.raw.execute(b"ROLLBACK"))
 
@@ -141,6 +141,9 @@ class Connection:
         try:
             with _told():
                 return work()
+        except UnansweredError:
+            self._severed = True  # libpq may be in the midst of a pipeline, which nothing ends
+            raise
         finally:
             self._since = 0.0
 

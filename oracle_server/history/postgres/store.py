@@ -141,11 +141,12 @@ class PostgresStore:
             self._doubt = _Doubt(batch, result)
             database.commit()
         except BaseException:
+            if not database.lost:
+                database.rollback()
             if database.lost:
                 self._drop(database)
             else:  # the server has said that it is not committed
                 self._doubt = None
-                database.rollback()
             raise
         self._doubt, self._batch = None, batch
         self._renewed(begun)
