@@ -264,6 +264,17 @@ def test_a_number_that_a_spec_names_as_stamp_counts_as_seconds() -> None:
     assert stamps.stamp_reader(whole, None) is None
 
 
+@pytest.mark.parametrize(("sec", "nanosec", "time"), [(5, 7, 5 * 10**9 + 7), (0, 0, None), (-1, 5, None)])
+def test_a_stamp_before_the_epoch_is_none(sec: int, nanosec: int, time: int | None) -> None:
+    """No event may have such a one: the message is ordered as if it had none."""
+    header = type_of("std_msgs/msg/Header")
+    read = stamps.stamp_reader(header, None)
+    assert read is not None
+    message = header()
+    message.stamp.sec, message.stamp.nanosec = sec, nanosec
+    assert read(message) == time
+
+
 def test_paths_that_a_type_does_not_have_are_told() -> None:
     odometry = codec.load_type("nav_msgs/msg/Odometry")
     there = ["header.stamp.sec", "twist.twist.linear.x", "pose.covariance", "child_frame_id"]

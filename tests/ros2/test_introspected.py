@@ -10,6 +10,8 @@ from tests.processes import Data
 from tests.ros2.acting import KINDS, SUCCEEDED, acting, hex_of, streams
 from tests.ros2.harness import eventually
 
+test_msgs = pytest.importorskip("test_msgs.action")
+
 # rclpy imports an old lark with its first node, and warns by functions of its own that are deprecated.
 pytestmark = pytest.mark.filterwarnings(
     "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
@@ -55,4 +57,23 @@ def test_without_introspection_feedback_and_status_are_seen_and_the_rest_is_told
         assert {e["kind"] for e in scene.judge.seen} == {"feedback", "status"}
         text = "nobody tells of /fib/_action/send_goal: its server has to turn introspection on"
         eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda found: text in found)
+        scene.adapter.ends_well()
+
+
+def test_what_is_told_of_calls_and_can_not_be_read_ends_nothing(tmp_path: Path) -> None:
+    with acting(tmp_path, streams(via="introspection")) as scene:
+        client = scene.observed("introspection")
+        topic, kind = "/fib/_action/send_goal/_service_event", test_msgs.Fibonacci.Impl.SendGoalService.Event
+        rubbish = client.peer.publisher(kind, topic)
+
+        def told() -> bool:
+            rubbish.publish(b"rubbish")
+            trouble = scene.judge.reports.get("/fib goal", "")
+            return "what is told of calls of /fib/_action/send_goal can't be read" in trouble
+
+        eventually(told, bool)
+        goal = client.goal(5)
+        client.result(goal)
+        eventually(lambda: [e["goal_id"] for e in scene.judge.of("goal")], lambda found: hex_of(goal) in found)
+        eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda trouble: not trouble)
         scene.adapter.ends_well()

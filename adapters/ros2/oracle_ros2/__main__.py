@@ -121,12 +121,13 @@ def _observe(node: Node, link: Link, board: Board, names: Names, stopping: threa
 
 def _spin(loop: Loop, monitor: Monitor, stopping: threading.Event) -> None:
     """Return when `stopping` is set, or the server wants other streams."""
-    while not stopping.is_set() and not monitor.outdated:
-        try:
+    try:
+        while not stopping.is_set() and not monitor.outdated:
             loop.turn()  # the monitor's timers end it in time
-        except ExternalShutdownException:
-            stopping.set()
-    monitor.stop()
+    except ExternalShutdownException:
+        stopping.set()
+    finally:  # whatever it ends by, what waits here is answered and not passed
+        monitor.stop()
 
 
 if __name__ == "__main__":

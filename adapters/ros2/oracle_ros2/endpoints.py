@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 
+from oracle_ros2.numbering import is_numbered
 from oracle_ros2.qos import DEPTH, lasts, misfit, same, to_offer, to_request
 
 if TYPE_CHECKING:
@@ -33,7 +35,8 @@ The next look can come at once, where one was late.
 class MatchedSubscription:
     """Subscribes to every publisher of a topic, whatever quality of service it offers; messages come serialized.
 
-    `look` is to be called from time to time, where callbacks run; a message that comes twice has its number twice.
+    `look` is to be called from time to time, where callbacks run. A message may come twice while one subscription is in
+    another's place: it has its number twice, and is taken once where it has none.
     """
 
     def __init__(self, node: Node, message_type: Any, topic: str, take: Take) -> None:
@@ -42,6 +45,7 @@ class MatchedSubscription:
         self.offered: list[QoSProfile] = []
         """What the publishers offer, as of the last look."""
         self._subscriptions: list[Any] = []
+        self._came: deque[int] = deque(maxlen=DEPTH)  # when the last ones without numbers were published (ns)
         self._publishers = self._look_around()
         self._subscribe(to_request(self.offered))
 
@@ -104,6 +108,12 @@ class MatchedSubscription:
         if len({profile.durability for profile in self.offered}) > 1:
             yield "its publishers differ in durability: what some have kept for late subscribers is not received"
 
+    def _came_before(self, published: int) -> bool:
+        """Whether another subscription has got a message: by its time, which two publishers share once in a while."""
+        found = bool(published) and len(self._subscriptions) > 1 and published in self._came
+        self._came.append(published)
+        return found
+
     def _subscribe(self, profile: QoSProfile) -> None:
         take, older = self._take, self._subscriptions.copy()
 
@@ -112,7 +122,8 @@ class MatchedSubscription:
                 older[:] = [one for one in older if one in self._subscriptions]
                 for one in older:
                     self._drain(one)
-            take(message, info)
+            if is_numbered(info) or not self._came_before(info["source_timestamp"]):
+                take(message, info)
 
         self._profile, self._made = profile, time.monotonic()
         subscription = self._node.create_subscription(

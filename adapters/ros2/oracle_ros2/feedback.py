@@ -13,7 +13,8 @@ from oracle_adapter.pacing import Pacer
 from oracle_adapter.passing import Passing
 
 from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
-from oracle_ros2.topics import Numbers, Observed, source_of, unreadable
+from oracle_ros2.numbering import Numbers, source_of
+from oracle_ros2.topics import Observed, unreadable
 
 if TYPE_CHECKING:
     from oracle_adapter.interfaces import Stream

@@ -14,9 +14,10 @@ from service_msgs.msg import ServiceEventInfo
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import hidden
+from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.standing import StatusStream
 from oracle_ros2.statuses import read, word
-from oracle_ros2.topics import Numbers, Observed, source_of, unreadable
+from oracle_ros2.topics import Observed, unreadable
 
 if TYPE_CHECKING:
     from oracle_adapter import TimeSource
@@ -68,11 +69,14 @@ class ServiceEvents:
         self.count = 0
         """How many messages have come."""
         self._empty = False  # it tells of calls, and not what was in them
+        self._unreadable = ""  # why the last message can't be read
         self.subscription = MatchedSubscription(shared.node, self._type, f"{service}/_service_event", self._take)
 
     def look(self, served: bool) -> list[str]:
         """Look at the other nodes again, and return what is wrong."""
         troubles = [self.subscription.look()]
+        if self._unreadable:
+            troubles.append(f"what is told of calls of {self._service} can't be read: {self._unreadable}")
         if served and not self.subscription.sources:
             troubles.append(f"nobody tells of {self._service}: its server has to turn introspection on")
         elif self._empty:
@@ -83,7 +87,12 @@ class ServiceEvents:
         if self._numbers.missed(source_of(info), info) < 0:
             return
         self.count += 1
-        event = deserialize_message(message, self._type)
+        try:
+            event = deserialize_message(message, self._type)
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            self._unreadable = str(error) or type(error).__name__
+            return
+        self._unreadable = ""
         told = event.info
         if told.event_type not in (_REQUEST, _RESPONSE):
             return  # a client's side of it

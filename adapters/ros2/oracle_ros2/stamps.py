@@ -37,7 +37,7 @@ def on_back(node: Node, call: Callable[[], None]) -> JumpHandle:
 def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | None] | None:
     """A function from messages to the time at `path`, or in the usual places; None where there is none.
 
-    A number there counts as seconds. The function's own answer is None where the time is zero.
+    A number there counts as seconds. The function's own answer is None where the time is zero, or before the epoch.
     """
     for place in (path,) if path else _DEFAULTS:
         names = place.split(".")
@@ -50,7 +50,7 @@ def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | N
 
 
 def _nanoseconds(stamp: Any) -> int | None:
-    return stamp.sec * 10**9 + stamp.nanosec or None
+    return max(0, stamp.sec * 10**9 + stamp.nanosec) or None
 
 
 def _at(message: Any, names: Sequence[str]) -> Any:

@@ -10,9 +10,9 @@ from action_msgs.msg import GoalStatusArray
 from rclpy.qos import qos_profile_action_status_default
 
 from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
+from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.stamps import simulated, time_of
 from oracle_ros2.statuses import FINAL, Statuses, Transitions, changed, read, word
-from oracle_ros2.topics import Numbers, source_of
 
 if TYPE_CHECKING:
     from oracle_adapter import Stamp, TimeSource

@@ -12,6 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
+from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
@@ -20,33 +21,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from oracle_ros2.shared import Shared
-
-
-class Numbers:
-    """The publishers of a topic, and how their messages are numbered."""
-
-    def __init__(self, on_new: Callable[[], None] = lambda: None) -> None:
-        """`on_new` is called before the first message of each publisher is counted."""
-        self._on_new = on_new
-        self._last: dict[str, int] = {}
-
-    def missed(self, source: str, info: Mapping[str, Any]) -> int:
-        """How many messages of a publisher were lost just before this one, by its number; -1 where it is old."""
-        number = info.get("publication_sequence_number")
-        if number is None:
-            return 0
-        before = self._last.get(source)
-        if before is None:
-            self._on_new()
-            before = number - 1
-        self._last[source] = max(number, before)
-        return max(-1, number - before - 1)
-
-
-def source_of(info: Mapping[str, Any]) -> str:
-    """The publisher of a message."""
-    publisher = info.get("publisher_gid")
-    return publisher["data"].hex() if publisher else ""
 
 
 class Observed:

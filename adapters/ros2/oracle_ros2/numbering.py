@@ -1,0 +1,41 @@
+"""How the messages of a topic are numbered, each publisher's by itself, where the middleware tells that."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Mapping
+
+
+class Numbers:
+    """The publishers of a topic, and the last number of each."""
+
+    def __init__(self, on_new: Callable[[], None] = lambda: None) -> None:
+        """`on_new` is called before the first message of each publisher is counted."""
+        self._on_new = on_new
+        self._last: dict[str, int] = {}
+
+    def missed(self, source: str, info: Mapping[str, Any]) -> int:
+        """How many messages of a publisher were lost just before this one, by its number; -1 where it is old.
+
+        0 where the middleware does not tell.
+        """
+        number: int = info["publication_sequence_number"] if is_numbered(info) else 0
+        before = self._last.get(source)
+        if before is None:
+            self._on_new()
+            before = number - 1
+        self._last[source] = max(number, before)
+        return max(-1, number - before - 1) if number else 0
+
+
+def is_numbered(info: Mapping[str, Any]) -> bool:
+    """Whether a message's number is told, and whose it is: rclpy tells of publishers since Kilted.
+
+    A number alone says nothing: each publisher begins at 1, also a node that was started again.
+    """
+    return bool(source_of(info)) and info.get("publication_sequence_number") is not None
+
+
+def source_of(info: Mapping[str, Any]) -> str:
+    """The publisher of a message; empty where the middleware does not tell."""
+    publisher = info.get("publisher_gid")
+    return publisher["data"].hex() if publisher else ""

@@ -1,0 +1,89 @@
+"""What is made of the numbers of messages, on the distributions that tell them and on those that do not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.processes import PATIENCE
+from tests.ros2.harness import Scene, eventually
+from tests.ros2.test_qos import EFFORT, profile, pytestmark, scene
+
+__all__ = ["pytestmark", "scene"]
+numbering = pytest.importorskip("oracle_ros2.numbering")
+serialization = pytest.importorskip("rclpy.serialization")
+endpoints = pytest.importorskip("oracle_ros2.endpoints")
+msg = pytest.importorskip("std_msgs.msg")
+duration = pytest.importorskip("rclpy.duration")
+
+
+def kilted(publisher: int, number: int) -> dict[str, Any]:
+    return jazzy(number) | {"publisher_gid": {"data": bytes([publisher] * 16)}}
+
+
+def jazzy(number: int) -> dict[str, Any]:
+    return humble() | {"publication_sequence_number": number, "reception_sequence_number": 7}
+
+
+def humble() -> dict[str, Any]:
+    return {"source_timestamp": 1, "received_timestamp": 2}
+
+
+def missed(infos: list[dict[str, Any]]) -> list[int]:
+    numbers = numbering.Numbers()
+    return [numbers.missed(numbering.source_of(info), info) for info in infos]
+
+
+def test_what_is_lost_or_comes_again_is_seen_by_the_numbers_of_each_publisher() -> None:
+    first = [kilted(1, number) for number in (5, 6, 9, 9, 7)]
+    assert missed([*first, kilted(2, 1), kilted(2, 2)]) == [0, 0, 2, -1, -1, 0, 0]
+
+
+def test_numbers_without_their_publisher_say_nothing() -> None:
+    """A node that is started again begins at 1, and two nodes have the same numbers: nothing is old or lost."""
+    assert missed([jazzy(number) for number in (499, 500, 1, 2, 2, 40)]) == [0] * 6
+    assert missed([humble()] * 3) == [0] * 3
+
+
+@pytest.mark.parametrize("source", [{}, {"publisher_gid": {"data": bytes([1] * 16)}}])
+def test_a_publisher_is_new_once_with_numbers_or_without(source: dict[str, Any]) -> None:
+    new: list[str] = []
+    numbers = numbering.Numbers(lambda: new.append("new"))
+    for _ in range(3):
+        numbers.missed(numbering.source_of(source), humble() | source)
+    assert new == ["new"]
+
+
+def test_a_message_that_comes_on_two_subscriptions_is_taken_once_without_numbers(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(endpoints, "is_numbered", lambda _: False)
+    peer = scene.peer()
+    taken: list[int] = []
+
+    def take(message: bytes, _: Any) -> None:
+        taken.append(serialization.deserialize_message(message, msg.Int64).data)
+
+    heard = endpoints.MatchedSubscription(peer.node, msg.Int64, "/here", take)
+    steady = peer.publisher(msg.Int64, "/here")
+    effort = peer.publisher(msg.Int64, "/here", qos=profile(EFFORT), listeners=0)
+    heard.look()
+    old, new = peer.node.subscriptions
+    eventually(lambda: (steady.get_subscription_count(), effort.get_subscription_count()), lambda c: c == (2, 1))
+    for number in range(10):
+        steady.publish(msg.Int64(data=number))
+    assert steady.wait_for_all_acked(duration.Duration(seconds=PATIENCE))
+
+    def turn() -> Any:
+        with new.handle:
+            found = new.handle.take_message(msg.Int64, True)
+        return found and new.callback(*found) is None
+
+    eventually(turn, bool)
+    eventually(lambda: heard.take_all() or taken[-1:], lambda last: last == [9])
+    for one in (old, new):
+        with one.handle:
+            assert one.handle.take_message(msg.Int64, True) is None
+    assert taken == [*range(10)]
+    heard.stop()
