@@ -68,6 +68,21 @@ def test_a_goal_that_is_sent_again_under_its_id_and_denied_goes_on(tmp_path: Pat
         process.ends_well()
 
 
+def test_a_goal_that_was_denied_and_is_allowed_under_its_id_is_shown_as_it_goes_on(tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", "status", ask="goal"), decide) as (scene, oracle, process):
+        serving = server(scene, last)
+        peer = raw(scene)
+        send(peer, DENIED, "mine")
+        assert ended(peer, 1) == [("mine", GoalStatus.REJECTED)]
+        send(peer, 1, "mine")
+        serving.goals("/count", 1)
+        peer.until(lambda: GoalStatus.ACTIVE in shown(peer, "mine"), lambda: "it is not shown")
+        assert "executing" in [event["status"] for event in oracle.heard("status", 1)]
+        peer.publish("/count_mon/cancel", GoalID(id="mine"))
+        assert ended(peer, 2) == [("mine", GoalStatus.PREEMPTED), ("mine", GoalStatus.REJECTED)]
+        process.ends_well()
+
+
 def test_a_cancel_by_time_ends_what_is_older_wherever_it_is(tmp_path: Path) -> None:
     with watched(tmp_path, streams("goal", "cancel", ask="goal"), decide) as (scene, oracle, process):
         serving = server(scene, last)

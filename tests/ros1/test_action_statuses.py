@@ -77,6 +77,14 @@ def test_a_refused_goal_is_shown_for_a_time_and_is_no_change() -> None:
     assert not statuses.rewriting
 
 
+def test_a_goal_by_the_id_of_one_that_was_refused_has_its_own_status() -> None:
+    statuses = Statuses()
+    statuses.give(status(GoalID(id="a"), REJECTED, "denied"), 0)
+    statuses.renew("a")
+    assert statuses.changes(array(a=ACTIVE)) == [("a", ACTIVE)]
+    assert seen(statuses, 0) == {"a": ACTIVE}
+
+
 def test_no_end_is_shown_while_the_result_is_decided_on() -> None:
     statuses = Statuses()
     statuses.open("a")

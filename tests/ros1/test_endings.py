@@ -40,9 +40,14 @@ def ended(scene: Scene, adapter: Process, how: str) -> None:
     adapter.ends_well(signal.SIGINT if how == "SIGINT" else signal.SIGTERM)
 
 
-@pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "rosnode kill"])
-def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(how: str, tmp_path: Path) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+@pytest.mark.parametrize(
+    ("how", "policy"), [("SIGINT", "deny"), ("SIGTERM", "deny"), ("SIGTERM", "pass"), ("rosnode kill", "deny")]
+)
+def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(
+    how: str, policy: str, tmp_path: Path
+) -> None:
+    text = HELD.replace("on_unavailable: deny", f"on_unavailable: {policy}")
+    with Scene(tmp_path, spec_folder(tmp_path, text)) as scene:
         adapter = scene.adapter("gate")
         speaker, hearer = opened(scene)
         speaker.publish("/number_mon", *[Int64(data=number) for number in range(1, 21)])
@@ -55,9 +60,13 @@ def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(how: s
         assert hearer.heard("/number") == []
 
 
+@pytest.mark.parametrize("policy", ["deny", "pass"])
 @pytest.mark.parametrize("how", ["SIGTERM", "rosnode kill"])
-def test_a_call_that_waits_when_the_adapter_ends_is_an_error_and_reaches_nobody(how: str, tmp_path: Path) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, ENDLESS)) as scene:
+def test_a_call_that_waits_when_the_adapter_ends_is_an_error_and_reaches_nobody(
+    how: str, policy: str, tmp_path: Path
+) -> None:
+    text = ENDLESS.replace("decide_within: 60s", f"decide_within: 60s\n    on_unavailable: {policy}")
+    with Scene(tmp_path, spec_folder(tmp_path, text)) as scene:
         adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
         panel.serve(SetBool, "/switch", say_on)
         call = caller.begin(SetBool, "/switch_mon", True)

@@ -36,11 +36,14 @@ def asked(scene: Scene, peer: Peer) -> list[Any]:
     return heard
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("number", "policy"), [(signal.SIGINT, "deny"), (signal.SIGTERM, "deny"), (signal.SIGTERM, "pass")]
+)
 def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(
-    number: signal.Signals, tmp_path: Path
+    number: signal.Signals, policy: str, tmp_path: Path
 ) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+    text = HELD.replace("on_unavailable: deny", f"on_unavailable: {policy}")
+    with Scene(tmp_path, spec_folder(tmp_path, text)) as scene:
         adapter, peer = scene.adapter("gate"), scene.peer()
         heard = asked(scene, peer)
         eventually(lambda: scene.server.session("s")["counters"]["held"], lambda held: held == 20)
@@ -85,8 +88,10 @@ def answered(peer: Peer, call: Any) -> tuple[bool, str]:
     return call.result().success, call.result().message
 
 
-def test_a_call_that_waits_when_the_adapter_ends_is_denied_and_reaches_nobody(tmp_path: Path) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, ENDLESS)) as scene:
+@pytest.mark.parametrize("policy", ["deny", "pass"])
+def test_a_call_that_waits_when_the_adapter_ends_is_denied_and_reaches_nobody(policy: str, tmp_path: Path) -> None:
+    text = ENDLESS.replace("decide_within: 60s", f"decide_within: 60s\n    on_unavailable: {policy}")
+    with Scene(tmp_path, spec_folder(tmp_path, text)) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()
         reached: list[bool] = []
         peer.node.create_service(

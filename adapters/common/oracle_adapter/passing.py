@@ -69,17 +69,23 @@ class Passing:
         self._link.handled(answer, passed, why)
         return passed, reason
 
-    def ask_and_wait(self, stamp: Stamp, data: Any, call: int) -> Tuple[bool, str]:
+    def ask_and_wait(
+        self, stamp: Stamp, data: Any, call: int, may_go_on: Callable[[], bool]
+    ) -> Tuple[bool, str]:
         """Ask about a call, and wait for what `settle` returns.
 
-        Where the link's thread hangs, the wait ends `GRACE` seconds after the time for a decision;
-        then the call does not pass, whatever the answer will be.
+        What the oracle lets pass passes where it `may_go_on` then. Where the link's thread hangs,
+        the wait ends `GRACE` seconds after the time for a decision; then the call does not pass,
+        whatever the answer will be.
         """
         settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
         passed = threading.Lock()  # taken by what comes first: the answer, or the end of the wait
 
+        def give(_: Any) -> bool:
+            return may_go_on() and passed.acquire(blocking=False)
+
         def answered(answer: Answer) -> None:
-            settled.put(self.settle(answer, lambda _: passed.acquire(blocking=False), None, call))
+            settled.put(self.settle(answer, give, None, call))
 
         self.ask(stamp, data, answered, call=call)
         try:

@@ -116,6 +116,7 @@ class Goals:
         del self._waiting[goal.number]
         goal_id = goal.goal_id.id
         self._underway[goal_id] = goal.goal_id
+        self._shown.goals.renew(goal_id)
         if len(self._underway) > KEPT:
             self._shown.goals.settled(self._underway.popitem(last=False)[0])
         if self._asks_results:

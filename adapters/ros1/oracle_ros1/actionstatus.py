@@ -68,6 +68,10 @@ class Statuses:
         """Show this status for a goal, for `SHOWN` seconds and as long as the server shows one of it."""
         self._own[own.goal_id.id] = entry_of(own), now + SHOWN
 
+    def renew(self, goal_id: str) -> None:
+        """The server gets a goal, whose id may be that of one that the proxy ended: its own status counts from now."""
+        self._own.pop(goal_id, None)
+
     def open(self, goal_id: str) -> None:
         """Show no end of this goal before its result is there, for `LAG` seconds at most."""
         self._open.setdefault(goal_id, math.nan)

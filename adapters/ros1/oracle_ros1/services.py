@@ -34,6 +34,7 @@ class ProxiedService:
         self.bypass = ""
         """Why calls did not reach the proxy at the last look."""
         self._calls = itertools.count(1)
+        self._stopped = False
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
         self._service = rospy.Service(self._proxy, self._type, self._serve)
 
@@ -44,15 +45,21 @@ class ProxiedService:
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
-        """Serve no more."""
+        """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has."""
+        self._stopped = True
         self._service.shutdown("the monitor ends")
 
     def _serve(self, request: Any) -> Any:
+        self._demand_serving()
         call = next(self._calls)
         self._judge(self._request, request, call)
         response = rospy.ServiceProxy(self._served, self._type)(request)
         self._judge(self._response, response, call)
         return response
+
+    def _demand_serving(self) -> None:
+        if self._stopped:
+            raise rospy.ServiceException(f"the monitor of {self._name} has ended")
 
     def _judge(self, side: "_Side", message: Any, call: int) -> None:
         """Raise `ServiceException`, which is the client's, where this must not pass."""
@@ -62,7 +69,7 @@ class ProxiedService:
         if side.passing is None:
             self._link.send(self._name, side.kind, stamp, data, call=call)
             return
-        passed, reason = side.passing.ask_and_wait(stamp, data, call)
+        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: not self._stopped)
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self._name}: {reason}")
 

@@ -147,6 +147,6 @@ def test_who_waits_for_an_answer_is_released_where_the_links_thread_hangs(
     monkeypatch.setattr(passing, "GRACE", 0.05)
     stream = {**STREAM, "decide_within": 1, "on_unavailable": "pass"}
     waiting = Passing(held, Board("uav1", Screen()), stream, Clocks(lambda: 1))
-    passed, reason = outcome_of(lambda: waiting.ask_and_wait(None, {}, 1))
+    passed, reason = outcome_of(lambda: waiting.ask_and_wait(None, {}, 1, lambda: True))
     assert not passed
     assert "no answer" in reason
