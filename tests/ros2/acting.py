@@ -133,12 +133,13 @@ class Client:
         self.client.destroy()
         self.peer.node.destroy_subscription(self._ear)
 
-    def cancel(self, goal_id: bytes = bytes(16)) -> Any:
-        """The answer to a cancel, of all goals unless one is named."""
+    def cancel(self, goal_id: bytes = bytes(16), stamp: int = 0) -> Any:
+        """The answer to a cancel, of all goals unless one is named, or a time (ns) that they came by."""
         client = self.peer.node.create_client(action_srvs.CancelGoal, f"{self.name}/_action/cancel_goal")
         self.peer.until(client.service_is_ready)
         request = action_srvs.CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(goal_id)
+        request.goal_info.stamp.sec, request.goal_info.stamp.nanosec = divmod(stamp, 10**9)
         return self.done(client.call_async(request))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -233,6 +234,22 @@ def test_a_cancel_that_comes_before_the_decision_on_its_goal_ends_it(everything:
         answer = client.cancel(bytes(16) if everything else bytes.fromhex(goal["goal_id"]))
         assert answer.return_code == 0 or everything
         assert client.result(client.done(sent))[0] == CANCELED
+        server.said("cancelled 400")
+        scene.adapter.ends_well()
+
+
+def test_a_cancel_by_time_spares_a_goal_that_came_later_and_is_not_decided_on(tmp_path: Path) -> None:
+    with acting(tmp_path, streams("goal", decide_within=3 * 10**9, on_unavailable="pass")) as scene:
+        server, client = scene.server(), scene.client()
+        scene.judge.answers = False
+        older = client.send(400)
+        eventually(lambda: scene.judge.of("goal"), lambda found: len(found) == 1)
+        between = time.time_ns()
+        newer = client.send(30)
+        eventually(lambda: scene.judge.of("goal"), lambda found: len(found) == 2)
+        client.cancel(stamp=between)
+        assert client.result(client.done(older))[0] == CANCELED
+        assert client.result(client.done(newer))[0] == SUCCEEDED
         server.said("cancelled 400")
         scene.adapter.ends_well()
 

@@ -93,7 +93,7 @@ MANY = """
     told = []
     link = SimpleNamespace(send=lambda *event, goal_id, lost, **more: told.append((bytes.fromhex(goal_id), lost)))
     goals, stream = Goals(), {"name": "/fib", "kind": "status", "latency": 0}
-    goals.begin(b"whose reply is d")
+    goals.begin(b"whose reply is d", 1)
     topics = "/fib/_action/status", "/fib_mon/_action/status"
     relayed = RelayedStatus(Shared(rclpy.create_node("many"), link, None, {}, None), "/fib", stream, topics, goals)
     arrays = [array(1, seed) for seed in range(2 * HELD + 1)]

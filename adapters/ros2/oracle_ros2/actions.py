@@ -15,6 +15,7 @@ from oracle_ros2.goals import Goals
 from oracle_ros2.graph import hidden, past_proxy
 from oracle_ros2.relay import DISCOVERY, UNDERWAY, Relay
 from oracle_ros2.sides import Side, now
+from oracle_ros2.stamps import ros_time, time_of
 from oracle_ros2.standing import RelayedStatus
 from oracle_ros2.statuses import ABORTED, UNKNOWN, word
 from oracle_ros2.withdrawals import Withdrawals, cancel_request
@@ -49,7 +50,7 @@ class ProxiedAction:
         write(self._type.Result(), self._denied)
         served, proxy = shared.names[self.name], shared.names[first["proxy"]]
         self._served, self._proxy = hidden(served, "send_goal"), hidden(proxy, "send_goal")
-        self._goals = Goals()
+        self._goals, self._now = Goals(), time_of(node)
 
         contents = {"goal": self._type.Goal, "reply": impl.SendGoalService.Response, "cancel": GoalInfo,
                     "result": self._type.Result}  # fmt: skip
@@ -151,7 +152,7 @@ class ProxiedAction:
 
     def _ask_goal(self, call: Call) -> None:
         goal = _goal_of(call)
-        self._goals.begin(goal)
+        self._goals.begin(goal, self._now())
         forward = self._sending.forward
         self._judge("goal", call.request.goal, lambda: forward(call), lambda: self._reject(call), goal, call.number)
 
@@ -203,15 +204,17 @@ class ProxiedAction:
 
     def _cancel(self, call: Call, goal: Goal) -> bool:
         """Pass a cancel on, not before its goal: what is on its way would go on else."""
+        stamp = ros_time(call.request.goal_info.stamp)
+        if stamp or not any(goal):  # it is about all goals that came by then, too
+            for other in self._goals.unsettled_by(stamp):
+                if other != goal:
+                    self._goals.after_reply(other, lambda other=other: self._cancel_late(other))
         if any(goal) and self._goals.after_reply(goal, lambda: self._cancelling.forward(call)):
             return True
-        if not any(goal):
-            for other in self._goals.unsettled:
-                self._goals.after_reply(other, lambda other=other: self._cancel_late(other))
         return self._cancelling.forward(call)
 
     def _cancel_late(self, goal: Goal) -> None:
-        """Cancel a goal that came before a cancel of all, and was accepted after it."""
+        """Cancel a goal that a cancel is about, and that was accepted after it."""
         if self._cancelling.is_there:
             self._cancelling.send(cancel_request(goal), lambda _: None)
 

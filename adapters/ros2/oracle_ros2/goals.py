@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from typing import Any, Callable
+from typing import Any, Callable, NamedTuple
 
 from oracle_ros2.statuses import ABORTED, BEFORE, FINAL, Statuses
 
@@ -17,12 +17,19 @@ UNASKED = 1.0
 """Seconds in which a client may ask for the result of a goal that has ended, before its end is told all the same."""
 
 
+class _Unsettled(NamedTuple):
+    """A goal whose client has no reply yet: when it came (ns), and what waits for the reply."""
+
+    came: int
+    waiting: list[Callable[[], Any]]
+
+
 class Goals:
     """All of it may be called in any thread; `lock` is held where several things must go together."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
-        self._unsettled: dict[Goal, list[Callable[[], Any]]] = {}
+        self._unsettled: dict[Goal, _Unsettled] = {}
         self._awaited: Counter[Goal] = Counter()
         self._deciding: Counter[Goal] = Counter()
         self._unasked: dict[Goal, float | None] = {}  # since when its end is there (s)
@@ -30,15 +37,16 @@ class Goals:
         self._refused: dict[Goal, None] = {}
         self._withheld: dict[Goal, None] = {}
 
-    def begin(self, goal: Goal) -> None:
-        """A goal has come: nothing of it may be told before the reply."""
+    def begin(self, goal: Goal, now: int) -> None:
+        """A goal has come (ns): nothing of it may be told before the reply."""
         with self.lock:
-            self._unsettled.setdefault(goal, [])
+            self._unsettled.setdefault(goal, _Unsettled(now, []))
 
     def settle(self, goal: Goal) -> list[Callable[[], Any]]:
         """Its client has the reply; returns what waits for that."""
         with self.lock:
-            return self._unsettled.pop(goal, [])
+            settled = self._unsettled.pop(goal, None)
+        return settled.waiting if settled is not None else []
 
     def is_unsettled(self, goal: Goal) -> bool:
         """Whether its client has no reply yet."""
@@ -58,16 +66,21 @@ class Goals:
     def after_reply(self, goal: Goal, call: Callable[[], Any]) -> bool:
         """Have something called once its client has the reply; False where there is nothing to wait for."""
         with self.lock:
-            waiting = self._unsettled.get(goal)
-            if waiting is not None:
-                waiting.append(call)
-            return waiting is not None
+            unsettled = self._unsettled.get(goal)
+            if unsettled is not None:
+                unsettled.waiting.append(call)
+            return unsettled is not None
 
     @property
     def unsettled(self) -> list[Goal]:
         """The goals whose clients have no reply yet."""
         with self.lock:
             return list(self._unsettled)
+
+    def unsettled_by(self, stamp: int) -> list[Goal]:
+        """Those of them that came no later (ns); all by 0."""
+        with self.lock:
+            return [goal for goal, unsettled in self._unsettled.items() if not stamp or unsettled.came <= stamp]
 
     def refuse(self, goal: Goal) -> None:
         """Its client is told that it was rejected, though the server has accepted it: tell nothing of it."""

@@ -43,14 +43,15 @@ def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | N
         names = place.split(".")
         found = _at(message_type(), names)
         if hasattr(found, "sec") and hasattr(found, "nanosec"):
-            return lambda message: _nanoseconds(_at(message, names))
+            return lambda message: ros_time(_at(message, names)) or None
         if isinstance(found, int | float) and not isinstance(found, bool):
             return lambda message: nanoseconds(_at(message, names))
     return None
 
 
-def _nanoseconds(stamp: Any) -> int | None:
-    return max(0, stamp.sec * 10**9 + stamp.nanosec) or None
+def ros_time(stamp: Any) -> int:
+    """A time of ROS in nanoseconds; 0 for one before the epoch."""
+    return max(0, int(stamp.sec) * 10**9 + int(stamp.nanosec))
 
 
 def _at(message: Any, names: Sequence[str]) -> Any:
