@@ -149,7 +149,9 @@ class Exchange:
         """End the session by clocks that go back."""
         with self._lock:
             self._protocol.renew(stamps())
+            notices = self._protocol.take_notices()
             self._wake()
+        self._deliver(notices)
 
     def describe(self, stream: str, kind: str, facts: Mapping[str, Any]) -> None:
         """Queue a report about a stream."""

@@ -69,6 +69,17 @@ class Marks:
             fresh = {**self._clocks.pop().stamps, **fresh}
         self._clocks.append(_ClockMark(after, fresh))
 
+    def turn_back(self, stamps: Iterable[ClockStamp], after: int) -> None:
+        """Place clocks that go back after an event, instead of all that wait.
+
+        They go back from the next instant, which is told first: what a server that was started
+        again knows of the times before, and one that was told none of them, is nothing.
+        """
+        back = {(stream, kind): stamp for stream, kind, stamp in stamps}
+        if back:
+            before = {key: stamp + 1 for key, stamp in back.items()}
+            self._clocks = [_ClockMark(after, before), _ClockMark(after, back)]
+
     def handled(self, event: Queued, passed: bool, why: str) -> None:
         """Place what was done with an ask after its event."""
         if len(self._handlings) < self._capacity:

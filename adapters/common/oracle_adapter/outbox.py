@@ -48,6 +48,7 @@ class Outbox:
             None  # the last event of this session, once its end is near
         )
         self._last_clocks: List[ClockStamp] = []  # the clocks that end it
+        self._overtaken = False  # others have ended the last session, and nothing went to this one
 
     def __len__(self) -> int:
         return len(self._unsent) + len(self._sent)
@@ -87,15 +88,24 @@ class Outbox:
         if self._last_here is None:
             self.marks.clock(stamps, after=self._count)
 
-    def renew(self, stamps: Iterable[ClockStamp]) -> None:
+    def renew(self, stamps: Iterable[ClockStamp]) -> List[Queued]:
         """Let the session end after every event queued so far, by clocks that go back.
 
-        What is queued from now on waits for the next session.
+        What is queued from now on waits for the next session. Where others have gone back before,
+        this is that session: what is queued is of the last one, and returned.
         """
-        if self._last_here is None:
-            self._last_clocks = list(stamps)
-            self.clock(self._last_clocks)
-            self._last_here = self._count
+        if self._last_here is not None:
+            return []
+        if self._overtaken:
+            upcoming = self._next
+            dropped = self.start_over()
+            self._next = upcoming
+            self.clock(stamps)
+            return dropped
+        self._last_clocks = list(stamps)
+        self._last_here = self._count
+        self.marks.turn_back(self._last_clocks, after=self._last_here)
+        return []
 
     def start_over(self) -> List[Queued]:
         """Continue in another session; returns the events that the last one has not taken."""
@@ -112,6 +122,7 @@ class Outbox:
             # would be late.
             self.marks.clock(self._last_clocks, after=last)
         self._missed = self._acked = 0
+        self._overtaken = self._last_here is None
         self._next = self._last_here = None
         return dropped
 
@@ -149,7 +160,7 @@ class Outbox:
         # Where the server has forgotten events that it acked, the gap in the numbers shows it.
         self._stats.lost += max(0, self._oldest(self._next) - upcoming)
         if self._last_here is not None:
-            self.marks.clock(self._last_clocks, after=self._last_here)
+            self.marks.turn_back(self._last_clocks, after=self._last_here)
         asks = [event.seq for event in self._sent if event.waiting and event.seq is not None]
         self._rewind(min([upcoming, *asks]))
         self.marks.rewind()
@@ -158,11 +169,11 @@ class Outbox:
     def next_frame(self) -> Optional[str]:
         """The next frame to write, or None where nothing is due."""
         front = self._unsent[0].number if self._unsent else None
-        if front is not None and self._last_here is not None and front > self._last_here:
-            front = None
         mark = self.marks.next_frame(front, highest=(self._next or 1) - 1)
         if mark is not None or front is None or not self._may_go(front):
+            self._overtaken = self._overtaken and mark is None
             return mark
+        self._overtaken = False
         batch = self._take_batch()
         return batch[0] if len(batch) == 1 else f'{{"type":"events","events":[{",".join(batch)}]}}'
 

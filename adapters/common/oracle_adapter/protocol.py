@@ -134,8 +134,11 @@ class Protocol:
 
     def renew(self, stamps: Any) -> None:
         """End the session by clocks that go back, and continue in the next one."""
-        if not self._closed_reason:
-            self._outbox.renew(stamps)
+        if self._closed_reason:
+            return
+        for event in self._outbox.renew(stamps):
+            if event.waiting:
+                self._unavailable(event, "simulated time went back")
 
     def report(self, stream: str, kind: str, **facts: Any) -> bool:
         """Report facts of a stream, on all connections; False where they were reported already."""

@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
+import pytest
 from tests.adapters.common.side import Side, answer_in
+
+
+def told(clock: Any) -> int:
+    """The time of a clock's one stream."""
+    [stamp] = clock["stamps"]
+    return int(stamp["stamp"])
 
 
 class TestGoingOnInAnotherSession:
@@ -16,8 +24,8 @@ class TestGoingOnInAnotherSession:
         side.protocol.renew([("/a", "topic", 5)])
         side.send("new")
         side.protocol.clock([("/a", "topic", 6)])
-        old, clock = side.frames()
-        assert (old["data"], clock["stamps"][0]["stamp"]) == ("old", 5)
+        old, *clocks = side.frames()
+        assert (old["data"], *map(told, clocks)) == ("old", 6, 5)
         side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
         assert side.frames() == []
         side.protocol.disconnected()
@@ -31,9 +39,51 @@ class TestGoingOnInAnotherSession:
         side.send("old")
         side.protocol.renew([("/a", "topic", 5)])
         side.send("new")
-        assert [frame["type"] for frame in side.frames()] == ["event", "clock"]
+        assert [frame["type"] for frame in side.frames()] == ["event", "clock", "clock"]
         side.reconnect(2)
-        assert [frame["type"] for frame in side.frames()] == ["clock"]
+        assert [told(frame) for frame in side.frames()] == [6, 5], (
+            "it goes back for who knows nothing, too"
+        )
+
+    def test_who_has_told_no_time_goes_back_all_the_same(self, side: Side) -> None:
+        side.protocol.renew([("/a", "topic", 5)])
+        side.send("new")
+        side.attach()
+        assert [told(frame) for frame in side.frames()] == [6, 5]
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s2")
+        side.reconnect(1, session="s2")
+        clock, new = side.frames()
+        assert (told(clock), new["seq"], new["data"]) == (5, 1, "new")
+
+    @pytest.mark.parametrize("attached", [False, True])
+    def test_who_hears_of_it_after_others_is_in_the_next_session_already(
+        self, attached: bool
+    ) -> None:
+        side = Side(session="s1", clock="sim")
+        side.attach()
+        side.protocol.clock([("/a", "topic", 100)])
+        side.send("judged")
+        side.frames()
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s2")
+        side.protocol.disconnected()
+        if attached:
+            side.attach(session="s2")
+        stale = side.queued("of the time before")
+        side.protocol.clock([("/a", "topic", 101)])
+        side.protocol.renew([("/a", "topic", 5)])
+        answered = answer_in(side.protocol.take_notices())
+        assert (answered.event, answered.why) == (stale, "unavailable")
+        side.send("new")
+        if not attached:
+            side.attach(session="s2")
+        clock, new = side.frames()
+        assert (told(clock), new["seq"], new["data"]) == (5, 1, "new")
+        side.protocol.clock([("/a", "topic", 7)])
+        side.send("later")
+        clock, later = side.frames()
+        assert (told(clock), later["seq"]) == (7, 2)
+        side.protocol.renew([("/a", "topic", 1)])
+        assert [told(frame) for frame in side.frames()] == [2, 1], "that ends this session"
 
     def test_what_was_done_meanwhile_is_told_in_the_next_session(self, side: Side) -> None:
         side.attach()
@@ -43,6 +93,7 @@ class TestGoingOnInAnotherSession:
         side.protocol.expire(asked)
         answer = answer_in(side.protocol.take_notices())
         side.protocol.handled(answer, True, answer.why)
+        assert side.frames() == []
         side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
         side.reconnect(1, session="s1.run2")
         clock, event, outcome = side.frames()
