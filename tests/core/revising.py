@@ -92,6 +92,7 @@ class Book:
     standing: dict[int, Standing] = field(default_factory=dict)
     revisions: list[Revision] = field(default_factory=list)
     rows: dict[int, Judged] = field(default_factory=dict)
+    judged: set[tuple[str, int, int | None]] = field(default_factory=set)
     ticks: int = 0
 
     def take(self, judged: Iterable[Judged]) -> None:
@@ -106,6 +107,10 @@ class Book:
                 position = len(self.rows)
                 assert ns == list(range((position - 1) * self.width + 1, position * self.width + 1))
                 self.first[position] = row
+                event = row.step.event
+                if event.monitor:
+                    assert (event.monitor, event.seq, event.row) not in self.judged, "each is judged once"
+                    self.judged.add((event.monitor, event.seq, event.row))
                 if not row.step.event.monitor:
                     self.ticks += 1
                     assert row.step.event.seq == self.ticks, "deadlines are numbered on"

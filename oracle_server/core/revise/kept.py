@@ -104,7 +104,7 @@ class Keeping:
         if len(rows) > self._most:
             self.crowded = self.crowded or rows[0].key >= key_of(newest - self._horizon)
             self._let_go()
-            while rows[0].is_tick and rows[0].key == self.floor:  # deadlines of one time are judged again together
+            while rows and rows[0].is_tick and rows[0].key == self.floor:  # those of one time are judged again together
                 self._let_go()
 
     def forget(self, newest: int) -> None:

@@ -41,7 +41,7 @@ class Lateness:
         if step.skipped or not judge.plan.streams[step.event.stream].spec.ordered:
             return judge.take(step, now)
         self._wait(step, now)
-        return self.go_on(now, enough)
+        return [] if step.event.more else self.go_on(now, enough)  # an event's rows go into one pass, or none is whole
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with what is put in place, and begin with what has waited for it.
@@ -82,15 +82,14 @@ class Lateness:
 
     def _begin(self, now: int) -> list[Judged]:
         late, self._waiting, self.due = self._waiting, [], None
-        placed = [step for step in late if self.judge.has_place(step)]
-        self.placed += _events(placed)
-        self.beyond += _events(late) - _events(placed)
-        outputs: list[Judged] = []
-        if len(placed) < len(late):
+        placed, outputs = late, list[Judged]()
+        while beyond := [step for step in placed if not self.judge.has_place(step)]:  # what is judged may take a place
+            placed = [step for step in placed if self.judge.has_place(step)]
+            self.beyond += _events(beyond)
             self.judge.degrade()
-            for step in late:
-                if not self.judge.has_place(step):
-                    outputs += self.judge.take(step, now)
+            for step in beyond:
+                outputs += self.judge.take(step, now)
+        self.placed += _events(placed)
         if placed:
             self.passes += 1
             self.judge.place(placed)
