@@ -39,6 +39,8 @@ class Records:
         """`known` finds a session's record by its name."""
         self.last = 0
         """The number of the session that was opened last."""
+        self.new: set[int] = set()
+        """The numbers of the sessions that were made since this was cleared."""
         self._history, self._clock, self._known = history, clock, known
 
     async def demand_free(self, name: str | None) -> None:
@@ -69,6 +71,7 @@ class Records:
         if number is None:
             raise SessionExistsError(f"a session '{name}' exists already")
         self.last = max(self.last, number)
+        self.new.add(number)
         spec = entry.plan.spec
         return SessionRecord(
             number, name, spec.id, entry.file.text, spec.digest, tuple([p.id for p in spec.properties]), private,

@@ -14,7 +14,7 @@ from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.retention import Hold, Pruner
 from oracle_server.history.sqlite.history import NAME
-from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, brought, robot
+from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, brought, names, robot
 from tests.history.making import add, opened, step
 from tests.postgres import Postgres
 
@@ -94,6 +94,30 @@ async def test_what_a_centre_has_lost_is_brought_again(postgres: Postgres, tmp_p
         await brought(history, empty, bringing)  # another database
         bringing.close()
         assert at_the_centre(empty) == at_the_robot(tmp_path)
+
+
+async def test_a_session_of_which_retention_has_left_no_step_is_the_same_to_the_centre(
+    postgres: Postgres, tmp_path: Path
+) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        noted = history.forwarding
+        assert noted is not None
+        history.open_session(opened(1, "one"))
+        await add(history, *(step(p) for p in range(1, 11)))
+        await brought(history, url, bringing)
+        bringing.close()  # the network is gone
+        history.close_session(1, 5, {"id": "one", "trouble": None})
+        await history.flush()
+        await Pruner(history, Retention(1), dict, lambda: 10**18, lambda _: None, Hold(noted.free, 10**9)).prune()
+        assert await history.extent(1) == (1, 0)
+        assert await history.session(1) is not None, "that it was closed is not there yet"
+        await brought(history, url, bringing)
+        bringing.close()
+    assert len(names(url)) == 1, "all would be there twice, as of two robots"
+    rows = at_the_centre(url)
+    assert sorted(row[1] for row in rows["steps"]) == [*range(1, 11)]
+    assert rows["sessions"] == at_the_robot(tmp_path)["sessions"]
 
 
 async def test_what_the_centre_has_deleted_stays_deleted(postgres: Postgres, tmp_path: Path) -> None:

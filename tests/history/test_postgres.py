@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import psycopg
@@ -232,6 +233,44 @@ async def test_a_connection_that_is_left_in_the_midst_of_a_pipeline_is_not_used_
     await told(history, step(1))
     assert await collected(history.steps(1, 0)) == [step(1)]
     await asyncio.to_thread(history.close)
+
+
+async def test_a_transaction_that_can_not_be_given_up_ends_with_its_connection(postgres: Postgres) -> None:
+    node = store.PostgresStore(postgres.empty(), 3.0, lambda: None, store.Node("a"))
+    failed = node._database
+    assert failed is not None
+
+    def work(database: connection.Connection) -> None:
+        execute, raw = database.raw.execute, database.raw
+
+        def cancelled(sql: bytes, *values: Any) -> Any:
+            if sql == b"ROLLBACK":
+                raise psycopg.errors.QueryCanceled("canceling statement due to statement timeout")
+            return execute(sql, *values)
+
+        raw.execute = cancelled  # type: ignore[method-assign, assignment]
+        database.execute("SELECT 1/0")
+
+    with pytest.raises(ValueError, match="division by zero"):
+        node.transact(work)
+    assert node.transact(lambda database: database.execute("SELECT 1").fetchone()) == (1,)
+    assert node._database is not failed
+    node.close()
+
+
+def test_rows_may_take_longer_than_an_answer_may(postgres: Postgres) -> None:
+    """It is silence that ends a connection: else what piled up in an outage would be begun again and again."""
+    url = postgres.empty()
+    postgres.do("CREATE TABLE many (x int)", url)
+    one = connection.Connection(url, "test", patience=0.4)
+
+    def slow() -> Iterator[int]:
+        time.sleep(0.05)  # as a slow network does
+        yield 1
+
+    one.insert("many", [slow() for _ in range(30)], ["x"])  # type: ignore[misc]
+    assert one.execute("SELECT count(*) FROM many").fetchone() == (30,)
+    one.close()
 
 
 async def test_a_server_outlives_its_database(postgres: Postgres) -> None:

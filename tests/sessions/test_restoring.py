@@ -209,3 +209,26 @@ async def test_one_of_which_the_history_does_not_answer_is_restored_by_the_next_
     assert second.open["one"] is one
     live, _ = await second.attach(attach("two", "guard"), Kept())
     assert live.core.judges
+
+
+async def test_one_that_is_opened_while_others_are_looked_for_is_not_restored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two would write to it else, each from where it stands."""
+    history = MemoryHistory()
+    own = registry(history, tmp_path, GUARD)
+    asked, answered = asyncio.Event(), asyncio.Event()
+
+    async def taken(known: Collection[int]) -> list[SessionRecord]:
+        asked.set()
+        await answered.wait()
+        return [record for record in await history.open_sessions() if record.number not in known]
+
+    monkeypatch.setattr(history, "take_over", taken)
+    looking = asyncio.create_task(own.take_over())
+    await asked.wait()
+    live, _ = await own.attach(attach("one", "guard"), Kept())
+    await own.flush()
+    answered.set()
+    await looking
+    assert own.open == {"one": live}

@@ -21,6 +21,8 @@ SELECT s.number, coalesce((SELECT min(position) FROM steps WHERE session = s.num
     coalesce((SELECT max(position) FROM steps WHERE session = s.number), 0)
 FROM sessions s ORDER BY s.number
 """
+_NOTED = "SELECT coalesce((SELECT position FROM forwarded WHERE session = ?), 0)"
+"""Up to where its steps are known to be at the centre: retention may have deleted all of these."""
 _LAST = "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'changes'), 0)"
 _CHANGES = "SELECT seq, name, session, a, b FROM changes WHERE seq > ? ORDER BY seq LIMIT ?"
 _OPENED = "SELECT opened FROM sessions WHERE number = ?"
@@ -110,7 +112,9 @@ class Robot:
             return chunk
 
     def _is_same(self, number: int, known: Known, last: int) -> bool:
-        if known.position > last or (known.opened is not None and self._one(_OPENED, (number,)) != (known.opened,)):
+        if known.position > max(last, *self._one(_NOTED, (number,))):
+            return False
+        if known.opened is not None and self._one(_OPENED, (number,)) != (known.opened,):
             return False
         judged = self._database.execute(_JUDGED, (number, known.position)).fetchone()
         return judged is None or known.judged is None or judged[0] == known.judged

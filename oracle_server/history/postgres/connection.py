@@ -28,8 +28,11 @@ _CONNECT_WITHIN = 5
 """Seconds for a connection to be made."""
 _LOOK_EVERY = 0.5
 """Seconds between two looks for connections that have waited for too long."""
-_SESSION = "-c client_encoding=UTF8 -c standard_conforming_strings=on -c client_connection_check_interval=1000"
-"""A backend whose client is gone ends what it does within a second."""
+_SESSION = (
+    "-c client_encoding=UTF8 -c standard_conforming_strings=on -c client_connection_check_interval=1000 "
+    "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
+)
+"""A backend whose client is gone ends what it does within a second, and where the network is gone in some ten."""
 _OF_THE_NETWORK: dict[str, Any] = {
     "connect_timeout": _CONNECT_WITHIN, "keepalives": 1, "keepalives_idle": 5, "keepalives_interval": 2,
     "keepalives_count": 3, "tcp_user_timeout": 10_000,
@@ -102,6 +105,7 @@ class Connection:
             with self.raw.cursor().copy(f"COPY {table} ({names}) FROM STDIN".encode()) as copy:
                 for row in rows:
                     copy.write_row(row)
+                    self._since = time.monotonic()  # many rows may take long; it is silence that is too long
 
         if rows:
             self._timed(insert)
@@ -114,8 +118,10 @@ class Connection:
 
     def rollback(self) -> None:
         """Give the transaction up, as far as there is one; where it can't be told, the connection is lost."""
-        with contextlib.suppress(HistoryError, ValueError):
+        try:
             self._timed(lambda: self.raw.execute(b"ROLLBACK"))
+        except (HistoryError, ValueError):
+            self._severed = True
 
     def interrupt(self) -> None:
         """End what another thread does with it, and the connection with it."""
@@ -133,7 +139,8 @@ class Connection:
 
     def sever_if_silent(self) -> None:
         """End it where it has waited for an answer for too long."""
-        if self._since and time.monotonic() - self._since > self._patience:
+        since = self._since  # read once: the work may end meanwhile
+        if since and time.monotonic() - since > self._patience:
             self.interrupt()
 
     def _timed(self, work: Callable[[], T]) -> T:

@@ -75,13 +75,17 @@ class Reader:
             with in_use:
                 return [make(row) for row in reader.execute(sql, values)]
 
+        def sort() -> None:
+            with in_use:
+                self._sort(reader, order, values)
+
         try:
             # this takes seconds of a long session, and needs the interpreter for none of them
-            await self._in_thread(lambda: self._sort(reader, order, values), self._sorting)
+            await self._in_thread(sort, self._sorting)
             ((count,),) = await self._in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
             for first in range(1, count + 1, size):
                 yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
-        finally:  # where this is cancelled, a thread still reads: SQLite would crash, were it closed meanwhile
+        finally:  # where this is cancelled, a thread still reads: it would crash, were this closed meanwhile
             reader.interrupt()
             self._threads.start(partial(_close, reader, in_use))
 
