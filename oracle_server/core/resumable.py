@@ -61,9 +61,9 @@ class Resumable:
         self.lateness.judge.rejudge(recorded, position)
 
     def finish_again(self) -> None:
-        """Where the spec revises: judge what of the recorded rows waits for others."""
+        """Where the spec revises: judge what of the recorded rows waits for others; behind the last one."""
         if self.lateness is not None:
-            self.lateness.judge.finish_again()
+            self.lateness.judge.end_restoring()
 
     def note_again(self, step: Step, judged: int) -> None:
         """Note of a recorded row that is judged again, where the spec revises, what does not concern its judge."""

@@ -210,7 +210,8 @@ class Session(Resumable):
     def end(self, now: int) -> list[Judged]:
         """After `finish`: nothing will come any more; judge what is open of properties with `at_end: violated`."""
         self.now = max(self.now, now)
-        return [ended for judge in self.judges.values() if (ended := judge.end(self.now)) is not None]
+        judged = [] if self.lateness is None else self.lateness.finish(self.now)  # a snapshot has begun a pass
+        return judged + [ended for judge in self.judges.values() if (ended := judge.end(self.now)) is not None]
 
     def take_asks(self) -> list[Ask]:
         """The questions to external oracles that were not taken yet; each is to be answered by `resolve`."""

@@ -54,7 +54,7 @@ class RevisingSnapshot(TypedDict):
     before them; `deadline` is the latest that was told (ns) before the first of those rows that is not in order, or the
     latest of all. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
 
-    The counters are of all rows up to the position `counted`. Older versions lack it; what they saved last was mostly
+    The counters are of all rows up to the position `counted`, behind which it is `degraded` by what was lost. Older versions lack it; what they saved last was mostly
     saved behind the last row, when they were stopped.
     """
 
@@ -66,6 +66,7 @@ class RevisingSnapshot(TypedDict):
     before: int
     numbered: int
     counted: NotRequired[int]
+    degraded: NotRequired[bool]
     finals: Sequence[tuple[str | None, int, bool]]
 
 

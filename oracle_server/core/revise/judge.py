@@ -207,8 +207,6 @@ class RevisingJudge(RewindableJudge):
         if waited <= self._deadline or not self.ticking:
             return self._deadline
         if not (again or self.recurring):
-            if self._ticked <= self._deadline or self._level < waited:  # there are none, or they are to wait longer
-                return self._deadline
             self._stand_as_last()
         return waited if self._are_many(waited) else self._deadline
 

@@ -40,6 +40,8 @@ class SavableJudge(RevisingJudge):
         """How many recorded rows are judged again together at most."""
         self._counted = 0
         """Up to which position a snapshot has counted: what is judged again of that is not counted again."""
+        self._lost = False
+        """Whether it is degraded behind that position."""
         self._gathered: list[Kept] = []
         """Recorded steps in order, and late ones with a place, that are to be judged again together."""
         self.unknown = 0
@@ -66,7 +68,7 @@ class SavableJudge(RevisingJudge):
         behind = [row.level for row, is_placed in zip(rows, placed, strict=True) if not is_placed]
         self.keeping.placed = [position for position in self.keeping.placed if position >= first]
         if rows:
-            states["degraded"] = all(verdict.degraded for verdict in rows[0].judged.verdicts)
+            states["degraded"] = all(v.degraded and not v.bypassed for v in rows[0].judged.verdicts)
         return {
             "judge": states,
             "position": first - 1,
@@ -76,6 +78,7 @@ class SavableJudge(RevisingJudge):
             "before": self.keeping.base.before,
             "numbered": self._numbered,
             "counted": self._next_position() - 1,
+            "degraded": self._degraded,
             "finals": [(state.final, state.final_since, state.said) for state in self._states],
         }
 
@@ -91,6 +94,7 @@ class SavableJudge(RevisingJudge):
         self._derived.noted()
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]
         self._deadline, self._counted = data["deadline"], data.get("counted", sys.maxsize)
+        self._lost = data.get("degraded", False)
 
     def _next_position(self) -> int:
         n = next(self._numbers)
@@ -158,6 +162,12 @@ class SavableJudge(RevisingJudge):
         self.ahead.append(Until(max(self._level, rows[-1].level)))
         self.go_on(max(row.judged.judged for row in rows), _never)
         self._numbers, self._restoring = numbers, False
+
+    def end_restoring(self) -> None:
+        """Behind the last recorded row: judge what waits, and know of what was lost by the snapshot."""
+        self.finish_again()
+        if self._lost:
+            self.degrade()
 
     def degrade(self) -> None:
         """See `Judge.degrade`; what was judged before is not degraded."""
