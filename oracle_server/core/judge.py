@@ -92,11 +92,16 @@ class Judge(Telling):
         return Told(self.properties, self.counters, self.following)
 
     @property
+    def is_ticking(self) -> bool:
+        """Whether some of the deadlines at one time are judged, and others are not yet."""
+        return self._derived.is_due(self.present, self.counters.steps)
+
+    @property
     def next_deadline(self) -> int | None:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
         if not self.plan.timed:
             return None
-        if self._outdated or self._derived.is_due:
+        if self._outdated or self.is_ticking:
             return self._ticked
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]

@@ -168,10 +168,9 @@ class Derived:
             return None
         return self._watching(last).next_change(after)
 
-    @property
-    def is_due(self) -> bool:
-        """Whether another tick is due at the time of the last one."""
-        return bool(self._due)
+    def is_due(self, present: int, steps: int) -> bool:
+        """Whether another tick is due at the time of the last one, which came behind the last of `steps`."""
+        return bool(self._due) and self._watch is not None and self._watch[:2] == (present, steps)
 
     def turn(
         self, time: int, last: LastStep, runs_out: Callable[[int], bool], recorded: Signals | None = None
@@ -204,7 +203,13 @@ class Derived:
         if self._session.begun is None:
             return Turn(carried, ())
         watch = self._watching(last)
-        watch.look(time)
+        _, due = watch.look(time)
+        self._due = due or self._due
+        held, _ = last.held()
+        for by, value in carried.items():
+            key = by, key_of(value)
+            if key in self._due and (by not in held or key_of(held[by]) != key[1]):  # those before changed nothing
+                self._due = self._due[self._due.index(key) + 1 :]
         return Turn(carried, watch.turned)
 
     def turned_for(self, signals: Signals, last: LastStep) -> set[int]:
