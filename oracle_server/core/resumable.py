@@ -75,7 +75,8 @@ class Resumable:
     def can_be_saved(self) -> bool:
         """Whether a snapshot may be taken now: no oracle is asked, nothing is judged again, and no row waits.
 
-        Nor may some of the deadlines at one time wait. After a restart, deadlines that are in no row are said first: a snapshot is as of before a row.
+        Nor may some of the deadlines at one time wait. After a restart, deadlines that are in no row are said first: a
+        snapshot is as of before a row.
         """
         judge = None if self.lateness is None else self.lateness.judge
         if any(each.is_ticking for each in self.judges.values()):

@@ -54,8 +54,8 @@ class RevisingSnapshot(TypedDict):
     before them; `deadline` is the latest that was told (ns) before the first of those rows that is not in order, or the
     latest of all. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
 
-    The counters are of all rows up to the position `counted`, behind which it is `degraded` by what was lost. Older versions lack it; what they saved last was mostly
-    saved behind the last row, when they were stopped.
+    The counters are of all rows up to the position `counted`, behind which it is `degraded` by what was lost. Older
+    versions lack both; what they saved last was mostly saved behind the last row, when they were stopped.
     """
 
     judge: JudgeSnapshot
