@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import secrets
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from typing import NamedTuple
 
 from oracle_server.core.errors import HistoryError, OracleError
@@ -39,9 +40,17 @@ class Records:
         """`known` finds a session's record by its name."""
         self.last = 0
         """The number of the session that was opened last."""
-        self.new: set[int] = set()
-        """The numbers of the sessions that were made since this was cleared."""
+        self._noted: set[int] | None = None
         self._history, self._clock, self._known = history, clock, known
+
+    @contextlib.contextmanager
+    def noting(self) -> Iterator[set[int]]:
+        """The numbers of the sessions that are made within this."""
+        self._noted = noted = set[int]()
+        try:
+            yield noted
+        finally:
+            self._noted = None
 
     async def demand_free(self, name: str | None) -> None:
         """Raise `SessionExistsError` where a session has a name already."""
@@ -71,7 +80,8 @@ class Records:
         if number is None:
             raise SessionExistsError(f"a session '{name}' exists already")
         self.last = max(self.last, number)
-        self.new.add(number)
+        if self._noted is not None:
+            self._noted.add(number)
         spec = entry.plan.spec
         return SessionRecord(
             number, name, spec.id, entry.file.text, spec.digest, tuple([p.id for p in spec.properties]), private,

@@ -100,12 +100,12 @@ class Registry:
         """
         if self._stopping:
             return
-        self._records.new.clear()
         had = [one.record.number for one in self.open.values()]
         had += [one.record.number for one in self.unrestored.values()]
         had += [one.record.number for one in self.recorded.values()]
-        found = await self._history.take_over(had)
-        for record in [one for one in found if one.number not in self._records.new]:  # those were opened here meanwhile
+        with self._records.noting() as new:
+            found = await self._history.take_over(had)
+        for record in [one for one in found if one.number not in new]:  # those were opened here meanwhile
             await self._restoring.restore_each([record])
             if record.id in self.open and not self._stopping:
                 self.open[record.id].await_monitors()
