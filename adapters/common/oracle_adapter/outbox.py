@@ -94,15 +94,18 @@ class Outbox:
         What is queued from now on waits for the next session. Where others have gone back before,
         this is that session: what is queued is of the last one, and returned.
         """
-        if self._last_here is not None:
+        back = list(stamps)
+        if (
+            self._last_here is not None or not back
+        ):  # without any, the next clock goes back by itself
             return []
         if self._overtaken:
             upcoming = self._next
             dropped = self.start_over()
             self._next = upcoming
-            self.clock(stamps)
+            self.clock(back)
             return dropped
-        self._last_clocks = list(stamps)
+        self._last_clocks = back
         self._last_here = self._count
         self.marks.turn_back(self._last_clocks, after=self._last_here)
         return []

@@ -55,6 +55,15 @@ class TestGoingOnInAnotherSession:
         clock, new = side.frames()
         assert (told(clock), new["seq"], new["data"]) == (5, 1, "new")
 
+    def test_nothing_is_held_back_where_no_clock_is_known_that_goes_back(self, side: Side) -> None:
+        side.attach()
+        side.protocol.clock([("/a", "topic", 100)])
+        side.protocol.renew([])
+        side.send("new")
+        side.protocol.clock([("/a", "topic", 1)])
+        clock, new, back = side.frames()
+        assert (told(clock), new["data"], told(back)) == (100, "new", 1)
+
     @pytest.mark.parametrize("attached", [False, True])
     def test_who_hears_of_it_after_others_is_in_the_next_session_already(
         self, attached: bool
