@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping, Sequence
+from operator import ge, gt, le, lt
+from typing import TYPE_CHECKING, Any, Final
 
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Bound, Constraint, Formula, Scalar
@@ -23,6 +25,7 @@ class Fresh:
 FRESH: Final = Fresh()
 UNSEEN_RELATE = os.environ.get("UNSEEN_RELATE") == "1"
 """Whether relations hold for a value that no signal has had yet: of none that is accepted it may matter."""
+_ORDERS: Final[Mapping[str, Callable[[Any, Any], bool]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 Values = Mapping[str, Scalar | Fresh]
 """What each variable in scope stands for."""
 
@@ -54,16 +57,15 @@ def presence(formula: Formula) -> int | None:
 def truths_for(formula: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[bool]:
     """Whether a part holds, step by step, for values of its free variables."""
     now = range(len(steps))
+    at = now if time == "steps" else [when for when, _ in steps]
 
     def of(part: Formula) -> list[bool]:
         return truths_for(part, steps, time, values)
 
     def within(bound: Bound, i: int) -> list[int]:
         """The past or present steps whose distance from step i lies in the bound."""
-        distances = [i - j if time == "steps" else steps[i][0] - steps[j][0] for j in range(i + 1)]
-        upper = bound.upper
-        far_enough = [j for j, distance in enumerate(distances) if distance >= bound.lower]
-        return [j for j in far_enough if upper is None or distances[j] <= upper]
+        upper = math.inf if bound.upper is None else bound.upper
+        return [j for j in range(i + 1) if bound.lower <= at[i] - at[j] <= upper]
 
     match formula:
         case tree.Atom(constraints):
@@ -151,10 +153,4 @@ def _compares(found: Scalar, op: str, wanted: Scalar) -> bool:
         return _equal(found, wanted) == (op == "==")
     if isinstance(found, str | bool) or isinstance(wanted, str | bool):
         return False
-    orders = {
-        "<": found < wanted,
-        "<=": found <= wanted,
-        ">": found > wanted,
-        ">=": found >= wanted,
-    }
-    return orders[op]
+    return _ORDERS[op](found, wanted)

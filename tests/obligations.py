@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import accumulate
 from typing import Literal, NamedTuple
 
@@ -10,9 +10,11 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import looks_ahead, obligation
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Bound, Formula, Scalar
-from tests.brute import Values, meets, truths_for
+from tests.brute import Fresh, Values, meets, truths_for
 
 Value = Literal["true", "false", "lost", "open"]
+Key = tuple[tuple[str, type, Scalar | Fresh], ...]
+"""Values of variables, told apart by their types: True and 1 are equal in Python."""
 _TURNED: dict[Value, Value] = {"true": "false", "false": "true", "lost": "lost", "open": "open"}
 
 
@@ -24,17 +26,46 @@ class Item(NamedTuple):
     failed: frozenset[str] = frozenset()
 
 
+class Past:
+    """What parts that only look back are at each of some steps: what comes later changes none of it."""
+
+    def __init__(self, items: Iterable[Item], time: Time) -> None:
+        self._steps, self._time = [item for item in items if item.signals is not None], time
+        self._known: dict[tuple[Formula, Key], list[Value]] = {}
+
+    def of(self, formula: Formula, values: Values) -> list[Value]:
+        """Lost where an atom of the part can't be judged."""
+        key = (formula, tuple((name, type(value), value) for name, value in values.items()))
+        if key not in self._known:
+            held = truths_for(formula, [(s.time, s.signals or {}) for s in self._steps], self._time, values)
+            atoms = _atoms(formula)
+            lost = [any(_fails(atom, s, bound, values) for atom, bound in atoms) for s in self._steps]
+            told = zip(held, lost, strict=True)
+            self._known[key] = ["lost" if gone else "true" if h else "false" for h, gone in told]
+        return self._known[key]
+
+
 def decisions(
-    formula: Formula, items: Sequence[Item], time: Time, keys: Sequence[Values], *, ended: bool = False
+    formula: Formula,
+    items: Sequence[Item],
+    time: Time,
+    keys: Sequence[Values],
+    *,
+    ended: bool = False,
+    past: Past | None = None,
 ) -> dict[tuple[int, int], Value]:
-    """What is known of each obligation after some items: by the number of its step and of its values among `keys`."""
+    """What is known of each obligation after some items: by the number of its step and of its values among `keys`.
+
+    `past` may have been made of more items, and spares computing again what is asked of several prefixes.
+    """
     found = obligation(formula)
     assert found is not None
     steps = [(n, item) for n, item in enumerate(items) if item.signals is not None]
     reached = list(accumulate((item.time for item in items), max))
     known: dict[tuple[int, int], Value] = {}
+    past = past or Past(items, time)
     for k, values in enumerate(keys):
-        table = _Table([i for _, i in steps], [n for n, _ in steps], reached, time, values, ended)
+        table = _Table([i for _, i in steps], [n for n, _ in steps], reached, time, values, ended, past)
         asked = table.past(found.trigger) if found.trigger else ["true"] * len(steps)
         answers = table.about(found.goal)
         known |= {(i, k): answers(i) for i in range(len(steps)) if asked[i] == "true"}
@@ -57,12 +88,11 @@ class _Table(NamedTuple):
     time: Time
     values: Values
     ended: bool
+    known: Past
 
     def past(self, formula: Formula) -> list[Value]:
-        """Of a part that only looks back: lost where an atom of it can't be judged."""
-        held = truths_for(formula, [(s.time, s.signals or {}) for s in self.steps], self.time, self.values)
-        lost = [any(self._fails(atom, s, bound) for atom, bound in _atoms(formula)) for s in self.steps]
-        return ["lost" if gone else "true" if h else "false" for h, gone in zip(held, lost, strict=True)]
+        """Of a part that only looks back."""
+        return self.known.of(formula, self.values)[: len(self.steps)]
 
     def about(self, node: Formula) -> Callable[[int], Value]:
         """What is known of a part about each step."""
@@ -116,13 +146,14 @@ class _Table(NamedTuple):
             return "false" if len(self.steps) - 1 >= i + b.upper else "open"
         return "false" if self.reached[-1] > self.reached[self.places[i]] + b.upper else "open"
 
-    def _fails(self, atom: Atom, step: Item, bound: frozenset[str]) -> bool:
-        """Whether an atom can't be judged: it reads what failed, and all else of it is met."""
-        rest = [c for c in atom.constraints if step.failed.isdisjoint(_read(c))]
-        free = [c for c in rest if not (isinstance(c.value, tree.Ref) and c.value.name in bound)]
-        there = all(c.key in (step.signals or {}) for c in atom.constraints if c.key not in step.failed)
-        met = there and all(meets(c, step.signals or {}, self.values) for c in free)
-        return met and len(rest) < len(atom.constraints)
+
+def _fails(atom: Atom, step: Item, bound: frozenset[str], values: Values) -> bool:
+    """Whether an atom can't be judged: it reads what failed, and all else of it is met."""
+    rest = [c for c in atom.constraints if step.failed.isdisjoint(_read(c))]
+    free = [c for c in rest if not (isinstance(c.value, tree.Ref) and c.value.name in bound)]
+    there = all(c.key in (step.signals or {}) for c in atom.constraints if c.key not in step.failed)
+    met = there and all(meets(c, step.signals or {}, values) for c in free)
+    return met and len(rest) < len(atom.constraints)
 
 
 def _read(constraint: tree.Constraint) -> list[str]:

@@ -30,7 +30,7 @@ from oracle_server.engines.native.keys import texts_of
 from tests import generate
 from tests.brute import Fresh, Values
 from tests.engines.test_against_brute import SEED
-from tests.obligations import Item, decisions
+from tests.obligations import Item, Past, decisions
 from tests.strategies import SECOND
 
 CASES = int(os.environ.get("CASES", "3000"))
@@ -167,7 +167,7 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
     found = obligation(whole)
     assert found is not None
     items = trace(rng, time, rng.randint(2, 11))
-    fed, done = Fed(whole, time), dict[tuple[int, int], str]()
+    fed, past, done = Fed(whole, time), Past(items, time), dict[tuple[int, int], str]()
     seen = [v for item in items for v in (item.signals or {}).values()]
     distinct = list({canonical(v): v for v in seen}.values())
     keys: list[Values] = [{}]
@@ -175,8 +175,11 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
         keys = [{**values, name: v} for values in keys for v in distinct]
     unseen: list[int] = []
     """The ticks that decided nothing, which leave nothing behind."""
+
+    def told() -> str:
+        return f"case {number}, {time}: {render(whole, time)}\n{items[: n + 1]}"
+
     for n, item in enumerate(items):
-        told = f"case {number}, {time}: {render(whole, time)}\n{items[: n + 1]}"
         while rng.random() < 0.3:
             fed.engine.mark()
             before = [i.time for i in items[:n] if i.signals is not None]
@@ -188,26 +191,26 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
             fed.restart()
             stats["restarts"] += 1
         holds = fed.feed(item)
-        table = decisions(whole, [i for m, i in enumerate(items[: n + 1]) if m not in unseen], time, keys)
-        assert all(table[at] == value for at, value in done.items()), told
+        table = decisions(whole, [i for m, i in enumerate(items[: n + 1]) if m not in unseen], time, keys, past=past)
+        assert all(table[at] == value for at, value in done.items()), told()
         wanted = {at: value for at, value in table.items() if value != "open" and at not in done}
-        assert fed.decided(keys) == wanted, told
-        assert holds is ("false" not in wanted.values()), told
+        assert fed.decided(keys) == wanted, told()
+        assert holds is ("false" not in wanted.values()), told()
         owed = fed.engine.owed
         assert owed is not None
-        assert owed.pending == sum(value == "open" for value in table.values()), told
+        assert owed.pending == sum(value == "open" for value in table.values()), told()
         done |= wanted
         if item.signals is None and not wanted:
             unseen.append(n)
         if not can_fail(found.goal):
-            assert "false" not in wanted.values(), told
+            assert "false" not in wanted.values(), told()
             stats["endless"] += len(wanted)
         stats.update(wanted.values())
         stats["at ticks"] += len(wanted) if item.signals is None else 0
         stats["prefixes"] += 1
     if rng.random() < 0.5:
         fed.engine.end()
-        table = decisions(whole, [i for m, i in enumerate(items) if m not in unseen], time, keys, ended=True)
+        table = decisions(whole, [i for m, i in enumerate(items) if m not in unseen], time, keys, ended=True, past=past)
         assert fed.decided(keys) == {at: value for at, value in table.items() if at not in done}, (
             f"case {number}, {time}"
         )

@@ -46,6 +46,9 @@ class Step:
     seen: dict[str, Scalar]
     failed: set[str]
     fresh: set[str] = field(default_factory=set)
+    taken: bool = False
+    samples: dict[str, Value] = field(default_factory=dict)
+    """What it is to each derived signal, once that is asked of a step that was taken: it changes no more then."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Reference:
             if self._sample(d, step) is not None:
                 step.fresh.add(d.name)
             self._put(step, d, self._value(d, history, step, step.time, step.number, begun))
+        step.taken = True
 
     def tick(
         self, steps: Sequence[Step], time: int, seen: Mapping[str, Scalar], failed: Collection[str], begun: int
@@ -126,6 +130,13 @@ class Reference:
 
     def _sample(self, d: Definition, step: Step) -> Value:
         """The sample that a step is, None where it is none."""
+        if not step.taken:
+            return self._sample_now(d, step)
+        if d.name not in step.samples:
+            step.samples[d.name] = self._sample_now(d, step)
+        return step.samples[d.name]
+
+    def _sample_now(self, d: Definition, step: Step) -> Value:
         if d.events:
             events: Value = self._events(d, step)
             return events
