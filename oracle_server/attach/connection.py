@@ -242,7 +242,7 @@ class Connection:
             return
         self._conversation.decoders = session.decoder
         self._conversation.greet(attached_frame(session, monitor), monitor.numbering.upto)
-        session.send_verdicts(monitor)
+        session.ledger.send_verdicts(monitor)
         self._ready.set()
         if self._direct is not None:
             self._direct.receiver = self

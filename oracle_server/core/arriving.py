@@ -23,7 +23,8 @@ class Arriving:
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self._plan = plan
         self._revises = plan.spec.ordering.late == "revise"
-        self._published = PublicationTimes(plan.spec.ordering.max_skew)
+        self._max_skew = plan.spec.ordering.max_skew
+        self._published = PublicationTimes(self._max_skew)
 
     def step(self, event: Event) -> Step:
         """The step of an event that has come."""
@@ -40,5 +41,9 @@ class Arriving:
         stamp = stamp or event.arrived
         if self._revises:  # the step is kept for a horizon, and its message need not be
             event = msgspec.structs.replace(event, data=None)
-        skewed = stamp - event.arrived > self._plan.spec.ordering.max_skew
+        skewed = stamp - event.arrived > self._max_skew
         return Step(event, signals, failed, stamp, skewed, rows=tuple(rows))
+
+    def clock(self, stamp: int, now: int) -> int:
+        """What a clock says that arrives now (ns): that it is now, where it is ahead by more than `max_skew`."""
+        return now if self.simulated is None and stamp - now > self._max_skew else stamp

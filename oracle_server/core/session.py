@@ -161,8 +161,8 @@ class Session(Resumable):
             self.simulated.update(monitor, readings)
             if self.begun is None and self.simulated.now is not None:
                 self._begin(self.simulated.now)
-        for reading in readings:
-            judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
+        for r in readings:
+            judged += self._judge(self.buffer.clock((monitor, r.stream), self._arriving.clock(r.stamp, self.now)))
         return judged + self._run_out()
 
     @property

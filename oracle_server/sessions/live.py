@@ -86,6 +86,7 @@ class LiveSession:
                 raise WireError("monitor_taken", f"another process is attached as '{wanted.monitor}'", fatal=True)
             monitor.outbox.drop(WireError("replaced", "a newer connection of this process took over", fatal=True))
         monitor.attach(wanted, outbox, streams)
+        self.core.bypass(monitor.name, monitor.bypasses)
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
@@ -132,10 +133,6 @@ class LiveSession:
             if self._armed == armed and not self.core.is_behind:
                 return
             await asyncio.sleep(self.share.rest)
-
-    def send_verdicts(self, monitor: Monitor) -> None:
-        """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
-        self.ledger.send_verdicts(monitor)
 
     def ingest(self, monitor: Monitor, message: AnyEvent) -> list[Judged]:
         """Ingest an event, and return the steps that were judged because of it.
@@ -251,6 +248,8 @@ class LiveSession:
     def go_on(self) -> None:
         """Take events again after a close that failed; what ends the session is checked again later."""
         self.closing = False
+        for name in (monitor.name for monitor in self.monitors.values() if not monitor.attached):
+            self._deliver(self.core.detach(name, self._enter()))
         self.await_monitors()
 
     def await_monitors(self) -> None:
@@ -349,7 +348,8 @@ class LiveSession:
             self._set_attached(monitor, attached=False)
             self._check_reconnected()
             self.credit.close(monitor.name)
-            self._deliver(self.core.detach(monitor.name, self._enter()))
+            if not self.closing:  # time passes no more, since events are taken no more
+                self._deliver(self.core.detach(monitor.name, self._enter()))
         self.presence.leave_empty()
 
     def _end_if_over(self) -> None:

@@ -89,7 +89,10 @@ class Monitor:
         return True
 
     def attach(self, wanted: Attach, outbox: Outbox, streams: tuple[StreamKey, ...]) -> None:
-        """Take a connection for it, of the same process or of another one, with the streams that it claims."""
+        """Take a connection for it, of the same process or of another one, with the streams that it claims.
+
+        What was reported of a stream stands until it reports otherwise, and ends where it does not claim the stream.
+        """
         if self.expiry:
             self.expiry.cancel()
             self.expiry = None
@@ -97,6 +100,8 @@ class Monitor:
             self.numbering.resume()
         else:
             self.numbering.restart()
+        self.reports = {key: report for key, report in self.reports.items() if key in streams}
+        self.bypasses = {key: bypass for key, bypass in self.bypasses.items() if key in streams}
         self.instance, self.outbox, self.streams, self.detaching = wanted.instance, outbox, streams, False
         self.clock, self.verdicts = wanted.clock, wanted.verdicts
         self.revisions, self.episodes = REVISIONS in wanted.features, EPISODES in wanted.features

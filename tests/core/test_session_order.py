@@ -11,6 +11,7 @@ from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.stamps import Stamp
 from oracle_server.core.verdicts import Decision
+from oracle_server.engines.native import NativeEngine
 from tests.core.sessions import (
     MAX_DELAY,
     A,
@@ -211,6 +212,34 @@ def test_a_loss_degrades_what_is_held_from_when_it_is_known() -> None:
     judged = feed(A, 120, arrived=121, lost=3) + session.finish(122)
     assert degraded(judged) == [True] * 3
     assert stamps(judged) == [100, 120], "the first of them was there before the loss was told"
+
+
+def test_a_clock_that_is_far_ahead_speaks_for_the_present_alone() -> None:
+    """As an event does that is stamped so: its promise would hold for an hour in which the robot is right again."""
+    ahead = 3600 * 10**9
+    session = open_session([ANY], attach={"m": [A, B]}, max_skew=50)
+    feed = Feed(session)
+    assert feed.clock(A, ahead, now=10) == feed.clock(B, ahead, now=10) == []
+    assert session.buffer.frontiers == {("m", A): 10, ("m", B): 10}
+    assert feed(A, 100, arrived=101) == []
+    judged = feed(B, 90, arrived=102) + feed.clock(B, 100, now=103)
+    assert stamps(judged) == [90, 100]
+    assert not any(j.step.late or j.step.skewed for j in judged)
+    assert feed.clock(A, 160, now=110) == feed.clock(B, 159, now=110) == [], "as far as is allowed it is believed"
+    assert session.buffer.frontiers == {("m", A): 160, ("m", B): 159}
+
+
+def test_a_clock_that_is_far_ahead_lets_no_deadline_pass() -> None:
+    soon = prop("soon", '{topic: "/b"} -> eventually[:40ns] {topic: "/a"}', time="seconds")
+    session = open_session(
+        [soon], attach={"m": [A, B]}, maker=lambda p: NativeEngine(p.formula, p.time), max_skew=50, max_delay=None
+    )
+    feed = Feed(session)
+    ahead = 3600 * 10**9
+    judged = feed(B, ahead + 10, arrived=10) + feed.clock(A, ahead + 12, now=12) + feed.clock(B, ahead + 12, now=12)
+    judged += feed(A, ahead + 45, arrived=45) + feed.clock(A, ahead + 60, now=60) + feed.clock(B, ahead + 60, now=60)
+    assert "currently_false" not in outcomes(judged)
+    assert session.judges["publication"].properties[0].violations == 0
 
 
 def test_a_publisher_that_has_gone_is_spoken_for_by_the_clock() -> None:

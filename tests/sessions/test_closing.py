@@ -13,9 +13,21 @@ from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.registry import Registry, SessionStaysOpenError
 from oracle_server.specfiles.library import Library
-from oracle_server.wire.incoming import Attach
+from oracle_server.wire.incoming import Attach, ClockMessage, ClockStamp
 from tests.processes import PATIENCE
-from tests.sessions.making import GUARD, Kept, attach, event
+from tests.sessions.making import GUARD, Kept, Standing, attach, event
+
+
+SOON = """
+id: soon
+streams:
+  - topic: /asked
+  - topic: /answered
+properties:
+  - id: soon
+    formula: '{topic: "/asked"} -> eventually[:1s] {topic: "/answered"}'
+    time: seconds
+"""
 
 
 class FailsOnce:
@@ -42,11 +54,12 @@ def settle(monkeypatch: pytest.MonkeyPatch) -> FailsOnce:
     return made
 
 
-def serving(folder: Path) -> Registry:
+def serving(folder: Path, clock: Clock | None = None) -> Registry:
     library, history = Library(None, folder), MemoryHistory()
     library.put("guard", GUARD)
+    library.put("soon", SOON)
     history.start(asyncio.get_running_loop())
-    return Registry(history, library, Clock(), resume_within=0.01)
+    return Registry(history, library, clock or Clock(), resume_within=0.01)
 
 
 async def gone(sessions: Registry) -> None:
@@ -91,3 +104,27 @@ async def test_who_attaches_to_a_session_that_can_not_be_closed_is_taken(tmp_pat
     assert found is live
     live.ingest(monitor, event(1, ask=True, speed=9))
     assert (await outbox.expect("decision"))[0]["decision"] == "deny"
+
+
+@pytest.mark.parametrize("closes", [True, False])
+async def test_who_leaves_while_a_session_closes_lets_no_time_pass(
+    tmp_path: Path, settle: FailsOnce, *, closes: bool
+) -> None:
+    """Events are not taken any more, so that a deadline which is over meanwhile was perhaps met."""
+    clock = Standing()
+    sessions = serving(tmp_path, clock)
+    live, monitor = await sessions.attach(attach("s", "soon"), Kept())
+    live.ingest(monitor, event(1, "/asked"))
+    live.update_clocks(monitor, ClockMessage(type="clock", stamps=[ClockStamp(stream="/answered", stamp=clock.time)]))
+    settle.runs = int(closes)
+    closing = asyncio.ensure_future(sessions.closed_within(live, PATIENCE))
+    async with asyncio.timeout(PATIENCE):
+        while settle.runs == closes:
+            await asyncio.sleep(0)
+        clock.time += 60 * 10**9
+        live.detach(monitor)
+        settle.going.set()
+        (told,) = await asyncio.gather(closing, return_exceptions=True)
+    found = live.core.judges["publication"].properties[0]
+    assert isinstance(told, SessionStaysOpenError) is not closes
+    assert (found.outcome, found.violations) == (("currently_true", 0) if closes else ("currently_false", 1))

@@ -97,6 +97,18 @@ async def test_people_are_told_what_is_degraded_and_a_monitor_that_leaves_tells_
     assert not any(caveats(server).values())
 
 
+async def test_a_new_process_that_does_not_claim_a_stream_knows_nothing_of_its_bypass(start: Starts) -> None:
+    server = start(**PATIENT)
+    async with attached(server, session="s", spec="bypassed", instance="one") as monitor:
+        await monitor.send(make_report(TEXT), make_report(TEXT, "/b"))
+        await server.until(lambda: caveats(server), lambda found: len(found["b_after_a"]) == 2)
+    async with attached(server, session="s", instance="two", streams=["/b"]) as monitor:
+        assert not caveats(server)["a_is_small"]
+        assert len(caveats(server)["b_after_a"]) == 1, "of a stream that it claims, what was known stands"
+        await monitor.send(make_report("", "/b"))
+        await server.until(lambda: caveats(server), lambda found: not any(found.values()))
+
+
 async def test_what_older_adapters_report_degrades_nothing(start: Starts) -> None:
     server = start()
     async with attached(server, session="s", spec="bypassed") as monitor:
