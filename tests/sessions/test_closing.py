@@ -17,7 +17,6 @@ from oracle_server.wire.incoming import Attach, ClockMessage, ClockStamp
 from tests.processes import PATIENCE
 from tests.sessions.making import GUARD, Kept, Standing, attach, event
 
-
 SOON = """
 id: soon
 streams:
