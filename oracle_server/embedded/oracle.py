@@ -23,12 +23,17 @@ from oracle_server.process.clock import Clock
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import Settings, load_settings
 from oracle_server.rostypes.known import Types
+from oracle_server.sessions.endings import SPEC_CHANGED
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.specfiles.load import load_spec
 
+_CLOSE_WITHIN = 5.0
+"""Seconds for a session to be closed that began by another text of the spec."""
 _LINGER = 1.0
 """Seconds until a line that has ended is forgotten: what it still says has been delivered by then."""
+
+log = structlog.get_logger()
 
 
 class EmbeddedError(OracleError):
@@ -56,8 +61,8 @@ class EmbeddedOracle:
         """
         self._settings = settings = load_settings(data_dir=data_dir)
         types = Types(settings.type_folders)
-        self.spec = load_spec(spec, types=types).spec.id
-        """The spec's id."""
+        loaded = load_spec(spec, types=types).spec
+        self.spec, self._digest = loaded.id, loaded.digest
         self._pid_file = PidFile(settings.data_dir, embedded=True)
         try:
             uploads = settings.data_dir / "specs"
@@ -129,7 +134,18 @@ class EmbeddedOracle:
         await self._registry.restore_all()
         await self._registry.take_over()
         self._registry.accept_work()
+        await self._close_changed()
         self._pruning = self._loop.create_task(pruner.run(settings.retain_check))
+
+    async def _close_changed(self) -> None:
+        """Close sessions that began by another meaning of the spec: who joins them begins anew, by its file."""
+        for session in [live for live in self._registry.open.values() if live.spec.id == self.spec]:
+            if session.spec.digest == self._digest:
+                continue
+            log.warning("the spec was changed: its session is closed, and goes on as another run", session=session.id)
+            if not await self._registry.closed_within(session, _CLOSE_WITHIN, SPEC_CHANGED):
+                message = f"session '{session.id}' began by another text of the spec '{self.spec}', and can't be closed"
+                raise EmbeddedError(f"{message}; take another --session")
 
     async def _leave(self) -> None:
         if self._pruning is not None:

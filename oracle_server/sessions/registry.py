@@ -258,12 +258,12 @@ class Registry:
         await self.others.demand_own(name)
         return unrestored is None or await self.abandon(unrestored, within)
 
-    async def closed_within(self, session: LiveSession, within: float) -> bool:
+    async def closed_within(self, session: LiveSession, within: float, because: str = BY_REQUEST) -> bool:
         """Close a session, and return whether it is closed within `within` seconds; else the closing continues.
 
         Raises `SessionStaysOpenError` where it failed, and `WireError` where the server stops; it stays open then.
         """
-        _, waiting = await asyncio.wait((self._begin_to_close(session, BY_REQUEST),), timeout=within)
+        _, waiting = await asyncio.wait((self._begin_to_close(session, because),), timeout=within)
         if not waiting and self.open.get(session.id) is session:
             reason = f"session '{session.id}' could not be closed, and stays open; see the server's log"
             raise stops() if self._stopping else SessionStaysOpenError(reason)

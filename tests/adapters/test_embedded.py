@@ -162,6 +162,30 @@ def test_a_data_directory_has_one_user(tmp_path: Path) -> None:
             EmbeddedLink(str(SINGLE), str(tmp_path), "m2", streams=["/a"])
 
 
+def test_what_the_file_says_now_is_judged_by_where_a_session_began_by_another_text(tmp_path: Path) -> None:
+    spec, data = guarded(tmp_path), tmp_path / "data"
+    said: list[object] = []
+
+    def asked(v: int) -> str | None:
+        with EmbeddedLink(str(spec), str(data), "m1", session="s", streams=["/a"], on_error=said.append) as link:
+            link.wait_attached(PATIENCE)
+            return link.ask("/a", "topic", None, {"v": v}, decide_within=PATIENCE).result(PATIENCE).decision
+
+    assert asked(2) == "allow"
+    spec.write_text(GUARDED + "# a remark means nothing\n")
+    with capture_logs() as logs:
+        assert asked(4) == "allow"
+    assert not [log for log in logs if log["log_level"] == "warning"]
+    assert not said
+    spec.write_text(GUARDED.replace("msg.v % 2 == 1", "msg.v > 1"))
+    with capture_logs() as logs:
+        assert [asked(v) for v in (4, 1)] == ["deny", "allow"]
+    assert [(log["event"], log["session"]) for log in logs if "changed" in log["event"]] == [
+        ("the spec was changed: its session is closed, and goes on as another run", "s")
+    ]
+    assert any("its spec was changed; attach to s.run2" in str(error) for error in said)
+
+
 def test_a_spec_that_is_refused_is_told(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"nowhere\.yaml.*can't be read"):
         EmbeddedLink(str(tmp_path / "nowhere.yaml"), str(tmp_path), "m1")
