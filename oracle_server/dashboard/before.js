@@ -1,7 +1,7 @@
 // Whether a property failed before a verdict: the episodes before it, in this session and in others that are judged by its spec.
 
 import { at } from "./address.js";
-import { items, of } from "./api.js";
+import { get, of } from "./api.js";
 import { h, Place, rove, UP_AND_DOWN } from "./dom.js";
 import { lasted, worstOf } from "./episodes.js";
 import { moment, span } from "./words.js";
@@ -30,21 +30,29 @@ export function beforeView(id) {
   return { node: list.node, show, leave: () => mine++ };
 }
 
-/** The episodes of a property that began before a verdict, the newest first, but for the one that it is in. */
+/** The episodes of a property that began before a verdict, but for the one that it is in: `here`, and in `others`. */
 async function before(id, { n, property, stamp }, clock, spec) {
-  const path = clock === "sim" ? of(id, "episodes") : "episodes"; // other sessions' simulated times are others
-  const found = await items(path, { property, until: stamp, order: "desc", limit: LIMIT });
+  const query = { property, until: stamp, order: "desc", limit: LIMIT };
+  const none = { items: [], next: null };
+  const [own, all] = await Promise.all([get(of(id, "episodes"), query), clock === "sim" ? none : get("episodes", query)]); // simulated times are others
   const ends = ({ until }) => until === null || BigInt(until) >= BigInt(stamp);
-  return found.filter((each) => each.spec === spec && !(each.session === id && (each.first >= n || ends(each))));
+  return {
+    here: { found: own.items.filter((each) => each.first < n && !ends(each)), more: own.next !== null },
+    others: { found: all.items.filter((each) => each.spec === spec && each.session !== id), more: all.next !== null },
+  };
 }
 
-function listed(id, { property, stamp }, clock, found) {
-  const here = found.filter(({ session }) => session === id).length;
-  const number = (count) => (count === LIMIT ? `${count} or more` : count || "none");
+function number({ found, more }) {
+  return more ? (found.length ? `${found.length} or more` : "it is not known how many") : found.length || "none";
+}
+
+function listed(id, { property, stamp }, clock, { here, others }) {
+  const found = [...here.found, ...others.found].sort((one, other) => (BigInt(one.began) < BigInt(other.began) ? 1 : -1));
+  const known = found.length || here.more || others.more;
   const ago = (time) => `${span(BigInt(stamp) - BigInt(time))} before`;
   return [
     h("p", { class: "caption tools" }, h("strong", {}, `Has ${property} failed before?`),
-      h("span", { class: "hint" }, found.length ? `${number(here)} in this session, ${number(found.length - here)} in others` : "Not that is known.")),
+      h("span", { class: "hint" }, known ? `${number(here)} in this session, ${number(others)} in others` : "Not that is known.")),
     found.length ? h("ul", {}, found.slice(0, SHOWN).map((each) => h("li", {},
       h("a", { href: at(each.session, each.first) }, moment(each.began, clock)), ` ${ago(each.began)}, `,
       each.session === id ? "here" : h("strong", {}, each.session), each.open ? ", still open" : ` for ${span(lasted(each, null))}`,

@@ -119,6 +119,8 @@ function sentence(sides, name, { side, since, to, first, count: violations, open
 
 /** Where no episode differs: what else does, as it stands now. */
 function together(sides) {
+  const unknown = sides.filter(({ state }) => !state.properties.length).map(({ state }) => state.id);
+  if (unknown.length) return `How the properties of ${unknown.join(" and ")} stand is not known.`;
   const [one, next] = sides.map(({ state }) => state.properties);
   const key = ({ id, order, outcome }) => JSON.stringify([id, order, outcome]);
   const known = [one, next].map((all) => new Set(all.map(key)));

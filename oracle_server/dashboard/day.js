@@ -8,7 +8,9 @@ import { counted, moment, span } from "./words.js";
 
 const DAY = 86_400_000; // ms
 const [BARS, FEW] = [96, 48]; // on a wide page, and on a narrow one
-const MOST = 1000; // episodes that are asked for, the newest ones
+const MOST = 1000; // episodes that are asked for at once, the newest ones
+const PAGES = 10; // of which so many are asked for, until those of the last hour are all there
+export const HOUR = 3_600_000; // ms
 const LISTED = 100;
 const [OFTEN, SELDOM] = [5_000, 60_000]; // ms until they are asked for again: where one began or ended, and else
 const TALL = 40; // pixels
@@ -22,16 +24,16 @@ export function dayView(changed) {
   const node = h("section", { class: "day", "aria-label": "Episodes in 24 hours", hidden: true }, head.node, h("div", {}, bars, ends));
   const settle = rove(bars, "button", TO_AND_FRO);
   const settleList = rove(list.node, "a", UP_AND_DOWN);
-  let [episodes, more, asked, known, chosen, drawn] = [[], false, -Infinity, null, null, null];
+  let [episodes, from, asked, known, chosen, drawn] = [[], 0, -Infinity, null, null, null];
 
-  /** Ask for them where it is time to, or where others are `open` than before; returns all of them. */
+  /** Ask for them where it is time to, or where others are `open` than before; returns them, and from when (ms) on they are all of them. */
   async function refresh(open) {
     const now = open.map(({ session, property, first }) => [session, property, first]).join();
     const passed = performance.now() - asked;
-    if (passed < OFTEN || (passed < SELDOM && now === known)) return episodes;
-    const found = await get("episodes", { since: BigInt(Date.now() - DAY) * 1_000_000n, order: "desc", limit: MOST });
-    [episodes, more, asked, known] = [found.items, found.next !== null, performance.now(), now];
-    return episodes;
+    if (passed < OFTEN || (passed < SELDOM && now === known)) return { episodes, from };
+    [episodes, from] = await newest(BigInt(Date.now() - DAY) * 1_000_000n);
+    [asked, known] = [performance.now(), now];
+    return { episodes, from };
   }
 
   /** Show those that are `wanted`, by when they began. */
@@ -43,7 +45,7 @@ export function dayView(changed) {
     for (const each of wanted) bins[Math.floor(time(each.began) / width) - bins[0].at / width]?.found.push(each);
     const shown = bins.find(({ at: from, found }) => from === chosen && found.length);
     node.hidden = !episodes.length;
-    head.show([wanted.length, more], () => [h("b", {}, `${wanted.length}${more ? " or more" : ""}`), ` ${wanted.length === 1 ? "episode" : "episodes"} in 24 h`]);
+    head.show([wanted.length, from > 0], () => [h("b", {}, `${wanted.length}${from ? " or more" : ""}`), ` ${wanted.length === 1 ? "episode" : "episodes"} in 24 h`]);
     const key = JSON.stringify([bins.map(({ at: from, found }) => [from, found.length]), shown?.at]);
     if (key !== drawn) draw(bins, width, shown);
     drawn = key;
@@ -72,6 +74,19 @@ export function dayView(changed) {
   }
 
   return { node, list: list.node, refresh, show };
+}
+
+/** The newest episodes since a time (ns), those of the last hour at least, and from when (ms) on they are all of them. */
+async function newest(since) {
+  const found = [];
+  let after = null;
+  for (let page = 0; page < PAGES; page++) {
+    const { items, next } = await get("episodes", { since, order: "desc", limit: MOST, ...(after === null ? {} : { after }) });
+    found.push(...items);
+    if ((after = next) === null) return [found, 0];
+    if (time(items.at(-1).began) < Date.now() - HOUR) break;
+  }
+  return [found, time(found.at(-1).began)];
 }
 
 /** A time (ns) in ms. */

@@ -1,11 +1,10 @@
 // Which sessions need somebody: what is wrong in each now, in which group it is, and which ones a search means.
 
-import { time } from "./day.js";
+import { HOUR, time } from "./day.js";
 import { byGravity as byOutcome } from "./words.js";
 
 const FAILING = ["false", "currently_false"];
 const GROUPS = ["Wrong now", "Not judged", "Wrong within the hour", "Fine", "Idle", "Recordings", "Closed"];
-export const HOUR = 3_600_000; // ms
 
 /** The kinds of sessions that can be asked for by themselves. */
 export const KINDS = {
@@ -15,15 +14,17 @@ export const KINDS = {
 
 /**
  * Sessions with their `group`, their `open` episodes, the gravest first, those of the last `day`, and the `latest` that was over
- * within the hour, in the order in which they need somebody.
+ * within the hour, in the order in which they need somebody. Those of the day are known from a time on (ms), which may lie
+ * behind the day's begin (`cut: "day"`), or even the last hour's.
  */
-export function grouped(sessions, episodes, day) {
+export function grouped(sessions, episodes, day, from = 0) {
+  const cut = from ? (from > Date.now() - HOUR ? "hour" : "day") : null;
   const [open, of] = [episodes, day].map((all) => Map.groupBy(all, ({ session }) => session));
   const all = sessions.map((each) => {
-    const found = each.status === "open" ? (open.get(each.id) ?? []).sort(byGravity) : [];
+    const found = each.status === "closed" ? [] : (open.get(each.id) ?? []).sort(byGravity);
     const own = each.clock === "wall" ? of.get(each.id) ?? [] : []; // simulated times are none of the day
     const [latest = null] = own.filter(({ until }) => until !== null && Date.now() - time(until) < HOUR).sort((one, other) => time(other.until) - time(one.until));
-    return { ...each, open: found, day: own, latest, group: groupOf(each, found, latest) };
+    return { ...each, open: found, day: own, latest, cut, group: groupOf(each, found, latest) };
   });
   const rank = ({ group }) => GROUPS.indexOf(group);
   return all.sort((one, other) => rank(one) - rank(other) || byGravity(one.open[0], other.open[0])
@@ -39,9 +40,9 @@ function byGravity(one, other) {
 }
 
 function groupOf({ status, kind, live, idle, outcome, trouble }, open, latest) {
-  if (status !== "open") return kind === "recording" ? "Recordings" : "Closed";
+  if (status === "closed") return kind === "recording" ? "Recordings" : "Closed";
   if (open.length || FAILING.includes(outcome)) return "Wrong now";
-  if (trouble || (live && !["true", "currently_true"].includes(outcome))) return "Not judged";
+  if (status === "unrestored" || trouble || (live && !["true", "currently_true"].includes(outcome))) return "Not judged";
   if (latest) return "Wrong within the hour";
   return idle || !live ? "Idle" : "Fine";
 }

@@ -38,14 +38,15 @@ function timeOf({ since, width }, window) {
 }
 
 function properties(answer, state, found, now, time, window) {
-  const standing = new Map(state.properties.map((each) => [each.id, each]));
+  const standing = new Map(state.properties.toReversed().map((each) => [each.id, each])); // by the order that decides, which is first
   return Object.entries(answer.lanes).map(([name, codes]) => {
-    const { outcome = "unknown", violations = 0 } = standing.get(name) ?? {};
-    const open = found.find((each) => each.open && each.property === name);
+    const { outcome = "unknown", violations = 0, order } = standing.get(name) ?? {};
+    const own = found.filter((each) => each.property === name && (!order || each.order === order));
+    const open = own.find((each) => each.open);
     const lane = { ...time, codes, degraded: answer.degraded[name], counts: answer.violations[name] };
     const told = [violations ? counted(violations, "violation") : "", open ? `for ${span(lasted(open, now))}` : ""];
     return {
-      group: "property", name, title: `${name}: ${outcome}`, open: Boolean(open), said: inWords(name, outcome, found, state.clock),
+      group: "property", name, title: `${name}: ${outcome}`, open: Boolean(open), said: inWords(name, outcome, own, state.clock),
       value: [mark(outcome), open ? told[1] : told[0]].join(" ").trim(), mood: MOODS[outcome],
       holds: !open && MOODS[outcome] === "good" && holdsThroughout(lane, window),
       together,
@@ -56,8 +57,7 @@ function properties(answer, state, found, now, time, window) {
 }
 
 /** A property's lane in words, for those who can't see it: how it stands, and its newest episodes. */
-function inWords(name, outcome, found, clock) {
-  const episodes = found.filter((each) => each.property === name);
+function inWords(name, outcome, episodes, clock) {
   const told = episodes.slice(0, 3).map(({ began, until, open }) => `${moment(began, clock)} to ${open ? "now" : moment(until, clock)}`);
   return [`${name}: ${outcome}`, told.length ? `failed ${told.join(", ")}${episodes.length > 3 ? ", and before" : ""}` : null].filter(Boolean).join("; ");
 }

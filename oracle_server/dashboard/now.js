@@ -23,10 +23,11 @@ export function nowView(id, visit) {
     const { properties, clock, status, live } = state;
     const known = shown.map((each) => records.get(key(each)) ?? null);
     const standing = properties.map(({ id: name, outcome, broken }) => [name, outcome, broken]);
-    place.show([open.slice(0, OPEN), last, open.length, known, standing, clock, status, live, String(now)], () => [
+    const gone = properties.some(({ violations }) => violations > 0);
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, clock, status, live, gone, String(now)], () => [
       ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, last),
+      open.length ? null : calm(standing, last ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
       last ? card(last, clock, now) : null,
     ]);
   }
@@ -74,8 +75,9 @@ function firstOf(record) {
   return [`first: ${event(record)}`, record.decision === "deny" ? "denied" : null, record.decision ? went : null];
 }
 
-/** What is said where no episode is open: that all holds only where all is known to hold. */
-function calm(standing, last) {
+/** What is said where no episode is open, and `rest` of those before: that all holds only where all is known to hold. */
+function calm(standing, rest) {
+  if (!standing.length) return h("p", { class: "card calm unsure", "data-state": "not judged" }, h("strong", {}, "How its properties stand is not known"));
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
   const holding = standing.length - failing.length - unknown.length;
@@ -86,5 +88,5 @@ function calm(standing, last) {
     !failing.length && !unknown.length ? (holding === 1 ? "Its property holds" : `All ${holding} properties hold`) : null,
   ];
   return h("p", { class: `card calm ${mood}`, "data-state": state },
-    h("strong", {}, words.filter(Boolean).join("; ")), last ? null : h("span", { class: "hint" }, " · no episode so far"));
+    h("strong", {}, words.filter(Boolean).join("; ")), rest ? h("span", { class: "hint" }, rest) : null);
 }

@@ -5,8 +5,8 @@ import { getKept, items } from "./api.js";
 import { h, Place, rove, TO_AND_FRO, UP_AND_DOWN } from "./dom.js";
 import { dropView } from "./drop.js";
 import { lasted, reasonOf, worstOf } from "./episodes.js";
-import { dayView, time } from "./day.js";
-import { grouped, HOUR, KINDS, matches } from "./fleet.js";
+import { dayView, HOUR, time } from "./day.js";
+import { grouped, KINDS, matches } from "./fleet.js";
 import { strip } from "./strip.js";
 import { badge, count, counted, life, moment, span } from "./words.js";
 
@@ -38,8 +38,9 @@ export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}
     ]);
     origins = new Map(sessions.map(({ id, origin }) => [id, origin]));
     const simulated = new Set(sessions.filter(({ clock }) => clock === "sim").map(({ id }) => id)); // whose times are none of the day
-    ofDay = (await day.refresh(open)).filter(({ session }) => !simulated.has(session));
-    all = grouped(sessions, open, ofDay);
+    const { episodes, from } = await day.refresh(open);
+    ofDay = episodes.filter(({ session }) => !simulated.has(session));
+    all = grouped(sessions, open, ofDay, from);
     show();
     await drop.refresh();
   }
@@ -126,6 +127,7 @@ function wrong({ id, open: [worst, ...more], trouble, latest }) {
     h("a", { tabindex: -1, class: "bad", href: at(id, worst.first) }, worst.property, worst.final ? ", for good" : ""),
     more.length ? h("span", { class: "chip bad" }, `+${more.length}`) : null,
     h("span", { class: "hint", title: worst.explanation }, worstOf(worst) || reasonOf(worst)),
+    trouble ? h("span", { class: "complaint" }, trouble) : null,
   ];
 }
 
@@ -140,13 +142,13 @@ function brief(text) {
 }
 
 /** The last hour of a session: when it was open, and its episodes. */
-function hour({ clock, opened, closed, without_monitor_since: alone, day, open }) {
+function hour({ clock, opened, closed, without_monitor_since: alone, day, open, cut }) {
   if (clock === "sim") return "";
   const now = Date.now();
   const share = (ms) => Math.min(1, Math.max(0, 1 - (now - ms) / HOUR));
   const runs = [...day, ...open].map(({ began, until }) => [share(time(began)), share(until === null ? now : time(until)), "fails"]).filter(([, to]) => to > 0);
   const there = [share(time(opened)), share(closed || alone ? time(closed ?? alone) : now), "no"];
-  const text = runs.length ? `${counted(day.length, "episode")} in 24 h` : "no episode in the last hour";
+  const text = runs.length ? `${counted(day.length, "episode")}${cut ? " or more" : ""} in 24 h` : cut === "hour" ? "it is not known whether there were episodes in the last hour" : "no episode in the last hour";
   return h("div", { title: text }, strip(there[1] > 0 ? [there, ...runs] : runs, null, WIDE));
 }
 
@@ -157,7 +159,7 @@ function row(each, long) {
     wrong(each),
     long,
     hour(each),
-    each.clock === "sim" ? "–" : count(day.length),
+    each.clock === "sim" ? "–" : each.cut ? `${day.length || ""}?` : count(day.length),
     badge(outcome ?? "unknown"),
     h("a", { tabindex: -1, href: `#/specs/${encodeURIComponent(spec)}` }, spec),
     brief(life({ ...each, since: each.without_monitor_since })),

@@ -17,19 +17,28 @@ export function violationsView(id, again) {
 
   async function refresh(state) {
     if (history.isDue(JSON.stringify([limit, state.revising?.passes, state.properties.map((each) => each.violations)]))) {
-      const { items, next } = await get(of(id, "violations"), { as: "all", order: "desc", limit });
-      latest = { items: withRetractions(items), more: next !== null && limit < MOST };
+      latest = await read();
       history.wasRead();
     }
-    list.show({ ...latest, clock: state.clock }, (shown) => listed(shown, () => {
+    const counted = state.properties.some((each) => each.violations > 0);
+    list.show({ ...latest, clock: state.clock, counted }, (shown) => listed(shown, () => {
       limit = Math.min(MOST, 2 * limit);
       again();
     }));
     settle();
   }
 
-  function listed({ items, more, clock }, older) {
-    if (!items.length) return h("p", { class: "hint" }, "None.");
+  /** The newest violations, and whether there are more; further back where the newest records tell of retractions alone. */
+  async function read() {
+    for (;; limit = Math.min(MOST, 2 * limit)) {
+      const { items, next } = await get(of(id, "violations"), { as: "all", order: "desc", limit });
+      const found = { items: withRetractions(items), more: next !== null && limit < MOST, cut: next !== null };
+      if (found.items.length || !found.more) return found;
+    }
+  }
+
+  function listed({ items, more, cut, clock, counted }, older) {
+    if (!items.length) return h("p", { class: "hint" }, cut ? `Of the newest ${MOST} none stands.` : counted ? "Those that there were are kept no more." : "None.");
     return [
       h("ol", { class: "violations" }, items.map((each) => entry(each, clock))),
       more ? h("button", { onclick: older }, "Older ones") : null,

@@ -14,7 +14,9 @@ async def test_why_a_session_could_not_be_restored_is_shown(page: Page, tmp_path
     async with unrestored(copy_specs(tmp_path / "specs"), tmp_path / "data") as server:
         await page.goto(f"{server.url}/#/")
         await expect(page.get_by_role("row", name="unrestored")).to_contain_text(REASON)
+        await expect(page.get_by_role("toolbar", name="Kinds")).to_contain_text("Wrong now 1")
         await page.goto(f"{server.url}/#/sessions/s")
         await expect(page.get_by_text(REASON)).to_be_visible()
         await expect(page.get_by_text("unrestored", exact=True)).to_be_visible()
         await expect(page.get_by_role("status")).to_have_text("connected")
+        await expect(page.locator(".now .card")).to_contain_text("a_is_small fails")
