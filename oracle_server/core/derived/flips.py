@@ -14,6 +14,8 @@ from oracle_server.core.formula.tree import Any, Constraint, Ref, Scalar
 
 Answer = str | bool | None
 """Whether a value meets a constraint, or which one a variable takes; None where it is absent."""
+_OLDEST = 2**63 // 10**9
+"""Seconds that no age reaches, since stamps are nanoseconds below 2^63: who sends more means that there is no limit."""
 
 
 def answer(constraint: Constraint, value: Value | None) -> Answer:
@@ -77,11 +79,11 @@ def first_turn(values: Sequence[Scalar], begin: int, asked: Constraint, sign: in
 
 @lru_cache(maxsize=256)
 def turning_ages(asked: tuple[Constraint, ...], seconds: Callable[[int], float]) -> tuple[int, ...]:
-    """The ages (ns) at which an answer turns, the least first."""
+    """The ages (ns) at which an answer turns, the least first; none that no session grows to."""
     found: set[int] = set()
     for each in asked:
         middle = border(each)
-        if middle is None or middle < 0 or not isinstance(each.value, int | float):
+        if middle is None or not 0 <= middle < _OLDEST or not isinstance(each.value, int | float):
             continue
         nearest = math.floor(middle * 10**9)
         margin = 2 + (nearest >> 50)

@@ -78,6 +78,16 @@ def test_the_limit_that_was_said_last_counts() -> None:
     assert ticks("{old <= limit}", limit(0, 9), a(1), limit(2, 5), limit(3, 1)) == []
 
 
+@pytest.mark.parametrize("far", [1e10, 2.0**63, 3.4028234663852886e38, 1.7976931348623157e308])
+def test_a_limit_that_no_age_reaches_holds(far: float) -> None:
+    """The largest number is how robots say that there is no limit."""
+    assert ticks("{old <= limit}", limit(0, 2), a(1), limit(2, far)) == []
+    assert ticks("{old <= limit}", limit(0, far), a(1), limit(2, 5)) == [(6.000000001, "currently_false")]
+    assert ticks("forall[u]. {k: *u} -> {since < limit}", limit(0, far), a(1)) == []
+    assert ticks(f"{{old < {far!r}}}", a(1)) == []
+    assert ticks("not {many < limit}", limit(0, far), a(1)) == []
+
+
 def test_a_limit_that_only_its_own_event_has_needs_no_tick() -> None:
     assert refusals("{topic: /a} -> {x <= many}") == []
     assert ticks("not {x > many}", a(1, 2), a(2, 1)) == []
