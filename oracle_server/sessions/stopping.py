@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 import structlog
 
@@ -54,17 +54,36 @@ def let_go(sessions: Iterable[LiveSession], reason: WireError) -> list[Outbox]:
 
 
 async def settle(sessions: Collection[LiveSession], history: History) -> None:
-    """Judge what sessions hold, and commit it; in the history they stay open."""
-    for session in sessions:
-        session.close()
-    await asyncio.gather(*(session.settle() for session in sessions))
-    for session in sessions:
-        session.ledger.save()
+    """Judge what sessions hold, and commit it; in the history they stay open.
+
+    One that fails at that is logged, and left as the history has it: the next server restores it, as all others.
+    """
+    closed = [session for session in sessions if _done(session, session.close)]
+    ends = await asyncio.gather(*(session.settle() for session in closed), return_exceptions=True)
+    for session, failure in zip(closed, ends, strict=True):
+        if isinstance(failure, Exception):
+            _tell(session, failure)
+        else:
+            _done(session, session.ledger.save)
     try:
         async with asyncio.timeout(_FLUSH_WITHIN):
             await history.flush()
     except TimeoutError:
         log.error("the server stops without its last events in the history; their monitors send them again")
+
+
+def _done(session: LiveSession, work: Callable[[], object]) -> bool:
+    """Whether a session's work was done; where it failed, that is logged."""
+    try:
+        work()
+    except Exception as error:  # noqa: BLE001 -- no other session may be affected
+        _tell(session, error)
+        return False
+    return True
+
+
+def _tell(session: LiveSession, error: Exception) -> None:
+    log.error("a session can't be left in order; it is restored from the history", session=session.id, exc_info=error)
 
 
 async def leave(sessions: Collection[LiveSession]) -> None:

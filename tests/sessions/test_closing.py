@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry, SessionStaysOpenError
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.incoming import Attach, ClockMessage, ClockStamp
@@ -127,3 +130,24 @@ async def test_who_leaves_while_a_session_closes_lets_no_time_pass(
     found = live.core.judges["publication"].properties[0]
     assert isinstance(told, SessionStaysOpenError) is not closes
     assert (found.outcome, found.violations) == (("currently_true", 0) if closes else ("currently_false", 1))
+
+
+async def test_one_that_fails_as_the_server_stops_leaves_the_others_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions = serving(tmp_path)
+    bad, good = [await sessions.attach(attach(name, "guard"), Kept()) for name in ("bad", "good")]
+    monkeypatch.setattr(bad[0].core, "finish", _fails)
+    good[0].ingest(good[1], event(1, speed=1))
+    await sessions.shut_down()
+    assert [frame["upto"] for frame in _frames(good[1], "ack")] == [1]
+    assert [_frames(monitor, "error")[-1]["code"] for _, monitor in (bad, good)] == ["shutting_down"] * 2
+
+
+def _fails(_now: int) -> list[Judged]:
+    raise OverflowError("cannot fit 'int' into an index-sized integer")
+
+
+def _frames(monitor: Monitor, kind: str) -> list[dict[str, Any]]:
+    assert isinstance(monitor.outbox, Kept)
+    return [frame for frame in monitor.outbox.frames if frame["type"] == kind]
