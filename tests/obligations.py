@@ -149,11 +149,20 @@ class _Table(NamedTuple):
 
 def _fails(atom: Atom, step: Item, bound: frozenset[str], values: Values) -> bool:
     """Whether an atom can't be judged: it reads what failed, and all else of it is met."""
+    known = step.signals or {}
     rest = [c for c in atom.constraints if step.failed.isdisjoint(_read(c))]
     free = [c for c in rest if not (isinstance(c.value, tree.Ref) and c.value.name in bound)]
-    there = all(c.key in (step.signals or {}) for c in atom.constraints if c.key not in step.failed)
-    met = there and all(meets(c, step.signals or {}, values) for c in free)
-    return met and len(rest) < len(atom.constraints)
+    there = all(c.key in known for c in atom.constraints if c.key not in step.failed)
+    met = there and all(meets(c, known, values) for c in free) and _agree([c for c in rest if c not in free], known)
+    compared = {key for c in atom.constraints if isinstance(c.value, tree.Signal) for key in _read(c)}
+    numbers = not any(isinstance(known[key], str | bool) for key in compared if key in known)
+    return met and numbers and len(rest) < len(atom.constraints)
+
+
+def _agree(refs: Sequence[tree.Constraint], signals: Mapping[str, Scalar]) -> bool:
+    """Whether one value of each variable meets all that binds it."""
+    found = {(c.value, type(signals[c.key]) is bool, signals[c.key]) for c in refs}
+    return len(found) == len({c.value for c in refs})
 
 
 def _read(constraint: tree.Constraint) -> list[str]:

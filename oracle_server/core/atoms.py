@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from hashlib import sha256
+from itertools import combinations
 from json.encoder import encode_basestring_ascii
 
 from oracle_server.core.events import Signals
@@ -98,13 +99,15 @@ class AtomTest:
     """What is left to test of an atom on one stream: `index` is the atom's place among those of its formula.
 
     `checks` are the signals that must be there, each with what its value must meet, None where any will do; `orders`
-    are those that are compared with others, by which operator, and with which.
+    are those that are compared with others, by which operator, and with which; `twins` those of which two must have one
+    value, since they bind the same variable.
     """
 
     index: int
     checks: tuple[tuple[str, Check | None], ...]
     refs: tuple[str, ...]
     orders: tuple[tuple[str, str, str], ...] = ()
+    twins: tuple[tuple[str, str], ...] = ()
 
     @property
     def reads(self) -> frozenset[str]:
@@ -142,8 +145,14 @@ def specialise_some(
             checks = tuple((c.key, _check(c)) for c in atom.constraints if c.key not in known)
             orders = tuple((c.key, c.op, c.value.name) for c in atom.constraints if isinstance(c.value, Signal))
             refs = (*(key for key, _ in atom.refs), *(c.key for c in atom.limits))
-            tests.append(AtomTest(index, checks, refs, orders))
+            tests.append(AtomTest(index, checks, refs, orders, _twins(atom)))
     return tuple(tests)
+
+
+def _twins(atom: Atom) -> tuple[tuple[str, str], ...]:
+    """The pairs of its signals that bind the same variable."""
+    pairs = combinations(atom.refs, 2)
+    return tuple((one, other) for (one, name), (other, same_name) in pairs if name == same_name and one != other)
 
 
 def _check(constraint: Constraint) -> Check | None:

@@ -111,6 +111,28 @@ def test_a_step_that_decides_one_false_is_negative_though_it_failed() -> None:
     assert session.judges["arrival"].properties[0].failures == 1
 
 
+@pytest.mark.parametrize(
+    ("goal", "step"),
+    [
+        ("{v > lim, ok}", {"v": 1, "lim": 3}),
+        ("{v > lim, ok}", {"v": "fast", "lim": 3}),
+        ("{v < lim}", {"v": "fast"}),
+        ("{v: *x, lim: *x, ok}", {"v": 1, "lim": 3}),
+        ("(exists[y]. {v: *y, lim: *y, ok})", {"v": 1, "lim": 3}),
+    ],
+)
+def test_what_failed_is_no_excuse_where_the_rest_already_denies_it(goal: str, step: dict[str, Any]) -> None:
+    names = ("v", "lim", "ok")
+    streams = [StreamSpec("/a"), StreamSpec("/b", signals={name: f"msg.{name}" for name in names})]
+    session = opened(prop("p", f"forall[x]. {{g: *x}} -> eventually[:1] {goal}"), streams=streams)
+    feed = Feed(session)
+    feed(A, 1, {"g": 1})
+    (found,) = records(feed(B, 2, {name: {} for name in names} | step))
+    assert about(found) == [(1, {"x": 1})]
+    (state,) = session.judges["arrival"].properties
+    assert (state.pending, state.violations) == (0, 1)
+
+
 def test_a_trigger_that_can_not_be_judged_asks_for_nothing() -> None:
     streams = [StreamSpec("/a", signals={"v": "1 / msg.v"}), StreamSpec("/b")]
     session = opened(prop("p", "{topic: /a} and not {v > 5} -> next {ok}"), streams=streams)

@@ -21,7 +21,7 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import can_fail, check_ahead, looks_ahead, obligation
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Atom, Constraint, Formula, Limit, Ref
+from oracle_server.core.formula.tree import Atom, Constraint, Formula, Limit, Ref, Signal
 from oracle_server.core.lost import lost
 from oracle_server.core.plan import View
 from oracle_server.core.verdicts import NEGATIVE
@@ -56,6 +56,20 @@ def compared(rng: random.Random, time: Time, scope: tuple[str, ...]) -> Formula:
     return rng.choice((atom, atom, tree.Not(atom), tree.And(atom, other), tree.Implies(other, atom)))
 
 
+def beside(rng: random.Random, scope: tuple[str, ...]) -> Formula:
+    """What two signals of a step must have in common: one is less than the other, or both bind one variable."""
+    one, other = rng.sample(generate.KEYS, 2)
+    if scope and rng.random() < 0.5:
+        name = rng.choice(scope)
+        pair: tuple[Constraint, ...] = Constraint(one, "==", Ref(name)), Constraint(other, "==", Ref(name))
+    else:
+        compares = Constraint(one, rng.choice(("<", "<=", ">", ">=")), Signal(other))
+        pair = compares, *tree.demanded([compares])
+    rest = [Constraint(key, "==", 7) for key in generate.KEYS if key not in (one, other)]
+    atom = Atom((*pair, *rng.choice((rest, ()))))
+    return rng.choice((atom, atom, tree.Not(atom)))
+
+
 def goal(rng: random.Random, time: Time, depth: int, scope: tuple[str, ...]) -> Formula:
     """What is awaited: all operators, nested, over parts that look back."""
     if depth == 0 or rng.random() < 0.15:
@@ -63,6 +77,8 @@ def goal(rng: random.Random, time: Time, depth: int, scope: tuple[str, ...]) -> 
             return word(rng, time, scope)
         if scope and rng.random() < 0.25:
             return compared(rng, time, scope)
+        if rng.random() < 0.15:
+            return beside(rng, scope)
         return generate.formula(rng, time, rng.choice((0, 0, 0, 1, 2)), 1, scope)
 
     def part() -> Formula:
