@@ -22,6 +22,7 @@ from oracle_server.engines.native.eventually import Eventually
 from oracle_server.engines.native.joined import Leaf, Pattern, fits
 from oracle_server.engines.native.keys import Key, Region, Variables, is_fresh, key_of, read_key, texts_of
 from oracle_server.engines.native.timeline import FEW, Timeline
+from oracle_server.engines.native.triggers import Triggers
 from oracle_server.engines.native.until import Until
 from oracle_server.engines.native.waiting import FALSE, LOST, OPEN, Awaited, Moment, Present
 from oracle_server.engines.native.within import Within
@@ -37,13 +38,6 @@ class Decided(msgspec.Struct, frozen=True, gc=False):
     key: Key
     value: int
     event: EventRecord
-
-
-class Opened(msgspec.Struct, gc=False):
-    """The event of a step of which some obligations are open, and how many."""
-
-    event: EventRecord
-    count: int = 0
 
 
 class Obligations:
@@ -95,8 +89,7 @@ class Obligations:
         """The only part, where it has the only variable."""
         self._counts: dict[Key, int] = {}
         """How many are open at each key."""
-        self._opened: dict[int, Opened] = {}
-        """By number, the steps that opened them."""
+        self._triggers = Triggers(self._timeline)
         self._awake: frozenset[Key] = frozenset()
         """The keys that are looked at with the next step, whether or not an operand changes."""
         self._triggered = False
@@ -172,20 +165,14 @@ class Obligations:
 
     def resolved(self, key: Key, slot: int, about: Moment, value: int) -> None:  # noqa: ARG002 -- there is one
         """An obligation is decided."""
-        counts, number, journal = self._counts, about[1], self._timeline.journal
-        opened = self._opened[number]
-        self.decided.append(Decided(about, key, value, opened.event))
+        counts, journal = self._counts, self._timeline.journal
+        self.decided.append(Decided(about, key, value, self._triggers.close(about[1])))
         if value == FALSE:
             self.broken = True
         self.pending -= 1
         count = counts[key]
         if journal is not None:
-            journal.append(partial(setattr, opened, "count", opened.count))
-            journal.append(partial(self._opened.__setitem__, number, opened))
             journal.append(partial(counts.__setitem__, key, count))
-        opened.count -= 1
-        if not opened.count:
-            del self._opened[number]
         if count > 1:
             counts[key] = count - 1
             return
@@ -243,12 +230,11 @@ class Obligations:
 
     def snapshot(self) -> Any:
         """The state as plain data."""
-        opened = [(number, found.event, found.count) for number, found in self._opened.items()]
         return {
             "now": self._present.now,
             "moment": self._present.moment,
             "open": list(self._counts.items()),
-            "opened": opened,
+            "opened": self._triggers.snapshot(),
             "steps": self._present.opened,
             "awake": list(self._awake),
             "triggered": self._triggered,
@@ -260,7 +246,7 @@ class Obligations:
         self._present.now, self._present.opened = data["now"], data["steps"]
         self._present.moment = _moment(data["moment"])
         self._counts = {read_key(key): count for key, count in data["open"]}
-        self._opened = {number: Opened(event, count) for number, event, count in data["opened"]}
+        self._triggers.restore(data["opened"])
         self._awake = frozenset(read_key(key) for key in data["awake"])
         self._triggered = data["triggered"]
         self.pending = sum(self._counts.values())
@@ -322,13 +308,8 @@ class Obligations:
 
     def _open(self, key: Key) -> None:
         """Something is open about the present step."""
-        counts, number, journal = self._counts, self._present.moment[1], self._timeline.journal
-        opened = self._opened.get(number)
-        if opened is None:
-            opened = self._opened[number] = Opened(self.event())
-            if journal is not None:
-                journal.append(partial(self._opened.pop, number))
-        opened.count += 1
+        counts, journal = self._counts, self._timeline.journal
+        self._triggers.open(self._present.moment[1], self.event)
         self.pending += 1
         count = counts.get(key, 0)
         counts[key] = count + 1
