@@ -10,7 +10,7 @@ import pytest
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, record
-from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.native import NativeEngine, triggers
 from tests.core.sessions import STREAMS, A, B, Feed, open_session, prop
 
 ANSWER = "forall[g]. {goal: *g} -> eventually[:10ns] {done: *g}"
@@ -260,6 +260,48 @@ def test_too_many_open_ones_end_it() -> None:
     assert state.broken is not None
     assert "more than 100,000 of its obligations are open at once" in state.broken
     assert state.pending is None
+
+
+TOLD = [StreamSpec("/a", signals={name: f"msg.{name}" for name in ("goal", "map", "name")}), StreamSpec("/b")]
+
+
+def restored(session: Session, *properties: Property) -> Session:
+    data = json.loads(json.dumps(session.snapshot()))
+    again = opened(*properties, streams=TOLD)
+    again.restore(data, 1)
+    return again
+
+
+def kept(judged: list[Judged], name: str) -> list[Any]:
+    """A signal of the triggers of what was not answered, None where it is not told any more."""
+    return [each["signals"].get(name) for found in records(judged) for each in found["about"]]
+
+
+def test_what_is_open_keeps_no_long_text_of_its_trigger() -> None:
+    """Thousands of messages with a map in each would take all memory, and each snapshot."""
+    session = opened(timed(), streams=TOLD)
+    feed = Feed(session)
+    for n in range(1, 4):
+        feed(A, n, {"goal": n, "map": f"{n}" * 2_000, "name": f"n{n}"})
+    assert "1" * 2_000 not in json.dumps(session.judges["arrival"].properties[0].snapshot())
+    for one in (session, restored(session, timed())):
+        judged = one.advance(100)
+        assert kept(judged, "map")[0].startswith("1" * 64 + "… (2000 characters, SHA-256 ")
+        assert kept(judged, "name") == ["n1", "n2", "n3"]
+
+
+def test_signals_of_triggers_for_which_there_is_no_room_are_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(triggers, "ROOM", 300)
+    session = opened(timed(), streams=TOLD)
+    feed = Feed(session)
+    for n in range(1, 6):
+        feed(A, n, {"goal": n, "name": "x" * 90})
+    for one in (session, restored(session, timed())):
+        judged = one.advance(100)
+        assert [name is not None for name in kept(judged, "name")] == [True, True, False, False, False]
+        assert [about(r) for r in records(judged)] == [[(n, {"g": n})] for n in range(1, 6)]
+    feed(A, 101, {"goal": 1, "name": "y" * 90})
+    assert kept(session.advance(200), "name") == ["y" * 90], "there is room again"
 
 
 def test_a_step_that_comes_after_its_deadline_was_judged_changes_nothing_and_is_no_second_violation() -> None:
