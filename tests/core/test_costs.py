@@ -174,3 +174,52 @@ def test_of_a_thousand_violations_at_once_some_are_explained_and_all_are_told() 
     assert len(explained) == 300
     assert explained == sorted(explained, reverse=True)
     assert 2 <= sum(explained) < 100
+
+
+def owing(text: str, **more: Any) -> tuple[Session, Feed]:
+    """What waits for what comes may look at 500 values for one step, and at 50 on average."""
+    session = open_session(
+        [prop("owing", text, time="seconds", **more), prop("small", "{v > 0}")], attach={"m": [A, B]},
+        streams=[StreamSpec("/a"), StreamSpec("/b")], by="arrival",
+        maker=lambda p: NativeEngine(p.formula, p.time, share=0.01),
+    )  # fmt: skip
+    return session, Feed(session)
+
+
+@pytest.mark.parametrize("goal", ["always[:1h] ({speed: *} -> {speed <= *x})", "eventually[:1h] next {speed: *x}"])
+@pytest.mark.parametrize("count", [50, 60])
+def test_what_is_open_and_looked_at_again_at_each_step_is_counted(goal: str, count: int) -> None:
+    """Else one property could take seconds a step, and hold up all other sessions for as long as it is judged."""
+    session, feed = owing(f"forall[x]. {{limit: *x}} -> {goal}")
+    for n in range(1, count + 1):
+        feed(A, n * 1000, {"limit": 1000 + n})
+    judged = [j for n in range(1, 100) for j in feed(B, SECOND + n, {"speed": n % 7, "v": 1})]
+    state, small = session.judges["arrival"].properties
+    if count == 50:
+        assert state.broken is None
+        assert (state.pending, state.work) == (50, 50)
+    else:
+        assert "its steps cost too much" in (state.broken or "")
+    assert told(judged, "small") == {"currently_true"}
+    assert small.broken is None
+
+
+def test_what_is_open_and_sleeps_costs_nothing() -> None:
+    session, feed = owing("forall[g]. {goal: *g} -> eventually[:1h] {done: *g}")
+    for n in range(1, 2_000):
+        feed(A, n * 1000, {"goal": n})
+        feed(B, n * 1000 + 1, {"speed": n})
+    state, _ = session.judges["arrival"].properties
+    assert (state.broken, state.pending, state.work) == (None, 1_999, 0)
+
+
+@pytest.mark.parametrize(("apart", "violations"), [(0, 0), (1, 600)])
+def test_deadlines_of_one_time_are_counted_and_those_of_many_times_are_all_told(apart: int, violations: int) -> None:
+    session, feed = owing("{goal} -> eventually[:5s] {done}")
+    for n in range(600):
+        feed(A, SECOND + n * apart, {"goal": True})
+    session.advance(60 * SECOND)
+    state, _ = session.judges["arrival"].properties
+    assert state.violations == violations
+    assert (state.broken is None) is bool(apart)
+    assert apart or "500 obligations may run out at once" in (state.broken or "")

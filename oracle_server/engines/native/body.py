@@ -191,6 +191,11 @@ class _Nothing:
 NOTHING: Own = _Nothing()
 
 
+def weight(operands: int) -> int:
+    """What it takes to look at a key, where so many operands are asked for their value there."""
+    return 1 + operands // _LIGHT
+
+
 class Body:
     """One expression or more under a node, over the variables of all of them."""
 
@@ -210,6 +215,7 @@ class Body:
         "lasting",
         "multiplies",
         "nodes",
+        "operands",
         "settled",
         "variables",
     )
@@ -242,7 +248,8 @@ class Body:
         self._timeline = timeline
         self._cost = 1 + len(self._leaves) ** 2 // 16
         """What it takes to look at a region: each operator looks at all below it, and so does each below."""
-        self._weight = 1 + sum(len(nodes_of(e)) for e in expressions) // _LIGHT
+        self.operands = sum(len(nodes_of(e)) for e in expressions)
+        self._weight = weight(self.operands)
         """What it takes to look at a key: each operand is asked for its value there."""
         if not self.flat:
             for node in self.nodes:

@@ -17,7 +17,7 @@ from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.lost import Lost
 from oracle_server.core.owing import Unanswered
 from oracle_server.core.records import EventRecord
-from oracle_server.engines.native.body import NOTHING
+from oracle_server.engines.native.body import NOTHING, weight
 from oracle_server.engines.native.eventually import Eventually
 from oracle_server.engines.native.joined import Leaf, Pattern, fits
 from oracle_server.engines.native.keys import Key, Region, Variables, is_fresh, key_of, read_key, texts_of
@@ -82,6 +82,8 @@ class Obligations:
         self._names, self._present, self._trigger, self._losing = names, present, trigger, losing
         self._goal, self._leaves = goal, leaves
         self._deadlines = [node.deadlines for node in waiting]
+        self._weight = weight(len(waiting) + sum(leaf.body.operands for leaf in leaves))
+        """What it takes to look at a key."""
         self._timeline: Timeline = present.timeline
         self._keyed = bool(names)
         alone = len(names) == 1 and len(leaves) == 1 and leaves[0].pick is None
@@ -115,6 +117,8 @@ class Obligations:
             present.now = self._timeline.now
         present.moment = (present.now, self.number)
         keys = (self._woken() if self._keyed else _UNKEYED) if counts else ()
+        if len(keys) > FEW:
+            self._timeline.spend(len(keys) * self._weight)
         triggered = self._keys() if self._loses else self._trigger()
         for key in keys:
             if key not in triggered:
@@ -331,7 +335,6 @@ class Obligations:
         for leaf in self._leaves:
             for keys in (self._of(leaf), self._matching(leaf.lost)) if leaf.lost else (self._of(leaf),):
                 if keys is counts:
-                    self._timeline.spend(len(counts) // FEW)
                     return list(counts)
                 found.update(keys)
         return [key for key in found if key in counts]
@@ -355,10 +358,14 @@ class Obligations:
         return [key_of(pattern.texts) for pattern in patterns]
 
     def _expire(self) -> None:
-        """Decide what is over."""
+        """Decide what is over. Raises `EngineError` where that is too much at once."""
+        count = 0
         for deadlines in self._deadlines:
             for key in deadlines.take():
+                before = len(self.decided)
                 self._goal.passed(key)
+                count += max(1, len(self.decided) - before)
+                self._timeline.run_out(count)
 
     def _firsts(self) -> Iterator[int]:
         return (first for deadlines in self._deadlines if (first := deadlines.first) is not None)

@@ -119,6 +119,11 @@ class Timeline:
             )
         self.work = work
 
+    def run_out(self, count: int) -> None:
+        """Bound what time alone decides at once, beside what steps cost. Raises `EngineError` where it is too much."""
+        if count > self._at_once:
+            raise EngineError(f"its deadlines cost too much: {self._at_once} obligations may run out at once")
+
     def tell_apart(self, keys: int) -> None:
         """Count keys of several variables that a node distinguishes. Raises `EngineError` where they are too many."""
         if keys > MAX_APART:
