@@ -27,6 +27,8 @@ from oracle_server.replay.storage import Channel, Storage
 from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
+_LATEST = 2**63
+"""No time (ns) is as late."""
 _LARGEST = 2**30
 """The most bytes of one message that is decompressed."""
 
@@ -50,7 +52,7 @@ class Bag:
         self.path = path
         self.ignored: Counter[str] = Counter()
         self.notes: list[Note] = []
-        self.read = self.size = 0
+        self.read = self.size = self.until = 0
         self._plan, self._types = plan(spec), typestore(types)
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
@@ -68,6 +70,7 @@ class Bag:
                 sources = self._prepare(files, storages)
                 self._survey(storages, sources)
                 yield from self._events(storages, sources)
+                self.until = _newest(storages)
                 self.notes += notes_of(self._topics.values(), files, storages)
         except TraceError as error:
             text = one_line(str(error).replace(f"{place}", str(self.path)))
@@ -204,6 +207,12 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
     folder = Path(stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
     unpack(path, folder)
     return folder
+
+
+def _newest(storages: Sequence[Storage]) -> int:
+    """When the last message of a bag was recorded, on whatever topic; 0 where that is not known."""
+    newest = next((newest for storage in reversed(storages) if (newest := storage.newest)), 0)
+    return newest if newest < _LATEST else 0
 
 
 def _survey(source: _AnySource, time: int, raw: bytes) -> None:

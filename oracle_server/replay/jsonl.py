@@ -31,7 +31,7 @@ class Trace:
 
     `clocked` is whether the trace has times of arrival, as its first event has or has not; without them, the newest
     stamp so far is an event's time of arrival. `ignored` counts the events of streams that the spec does not observe;
-    `read` of `size` bytes are read.
+    `read` of `size` bytes are read. `until` is when (ns) the last line arrived, of whatever stream.
     """
 
     path: Path
@@ -42,6 +42,7 @@ class Trace:
     ignored: Counter[str] = field(default_factory=Counter)
     notes: list[Note] = field(default_factory=list)
     read: int = 0
+    until: int = 0
     _now: int = 0
     _seq: Counter[str] = field(default_factory=Counter)
     _odd: Counter[tuple[str, StepKind]] = field(default_factory=Counter)
@@ -73,6 +74,7 @@ class Trace:
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
                     self._times.clocked = self.clocked
+                self.until = max(self.until, _passed(line) if self.clocked else 0)
                 taken = self._attempts.take(line)
                 event = None if taken.name is None else self._event(line, taken.name, place, fault)
                 if event is not None:
@@ -161,6 +163,15 @@ def read_lines(path: Path, spec: Spec) -> Trace:
         return Trace(path, spec, lines, path.stat().st_size)
     except OSError as error:
         raise TraceError(f"{path}: can't be read: {error.strerror}") from None
+
+
+def _passed(line: Line) -> int:
+    """Up to when (ns) time has surely passed once a line has come.
+
+    That of a tick is told by its own time: in a simulation it was judged at a time of the server's.
+    """
+    arrived = line.arrived or 0
+    return arrived if line.kind != TICK else min(arrived, (line.stamp or 0) + 1)
 
 
 def _is_cut(text: bytes, read: int, size: int) -> bool:

@@ -37,6 +37,7 @@ class McapFile:
         self._channels: dict[int, Channel] = {}
         self._counts: dict[int, int] | None = None
         self._blocks: list[Block] = []
+        self._newest: int | None = None
         self._file: BinaryIO = path.open("rb")
         try:
             self._scan(path.stat().st_size)
@@ -53,6 +54,14 @@ class McapFile:
     def messages(self, wanted: Collection[int]) -> Iterator[Message]:
         """The messages of these channels, by the time of recording."""
         return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
+
+    @property
+    def newest(self) -> int:
+        """The time of the last message that can be read; the file is read, unless its messages were."""
+        if self._newest is None:
+            for _ in self.messages(()):
+                pass
+        return self._newest or 0
 
     def in_file_order(self) -> Iterator[Message]:
         """All messages, as they stand in the file."""
@@ -149,6 +158,7 @@ class McapFile:
                 break
             if kind == _MESSAGE and length >= _MESSAGE_HEAD.size:
                 channel, _, time, _ = _MESSAGE_HEAD.unpack_from(data, at)
+                self._newest = max(self._newest or 0, time)
                 if wanted is None or channel in wanted:
                     yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
             elif kind in (_SCHEMA, _CHANNEL):

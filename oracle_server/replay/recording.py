@@ -90,7 +90,8 @@ class Recording(Protocol):
     """A recording for one spec, in the order of arrival; `read` of `size` units are read.
 
     `clocked` is whether it has times of arrival; `ignored` counts events of streams that the spec does not observe;
-    `notes` grow while it is read.
+    `notes` grow while it is read. Once it is read, `until` is when (ns) the last of all that it has arrived, of
+    whatever stream: so long it went on, 0 where that is not known.
     """
 
     path: Path
@@ -99,6 +100,7 @@ class Recording(Protocol):
     notes: list[Note]
     read: int
     size: int
+    until: int
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events of the spec's streams. Raises `TraceError`."""

@@ -28,6 +28,7 @@ class Ros1File:
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
         self._blocks: list[Block] = []
+        self._newest: int | None = None
         self._ended_early = False
         self._indexed = 0
         self._file: BinaryIO = path.open("rb")
@@ -45,6 +46,14 @@ class Ros1File:
     def messages(self, wanted: Collection[int]) -> Iterator[Message]:
         """The messages of these channels, by the time of recording."""
         return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
+
+    @property
+    def newest(self) -> int:
+        """The time of the last message that can be read; the file is read, unless its messages were."""
+        if self._newest is None:
+            for _ in self.messages(()):
+                pass
+        return self._newest or 0
 
     def close(self) -> None:
         """Close the file."""
@@ -133,9 +142,11 @@ class Ros1File:
                     break
                 fields = _fields(data[at + 4 : at + 4 + head])
                 kind, number = _number(fields, b"op", 1), _number(fields, b"conn", 4)
-                if kind == _MESSAGE and (wanted is None or number in wanted):
+                if kind == _MESSAGE:
                     time = _nanoseconds(*struct.unpack("<II", fields.get(b"time", b"")))
-                    yield number, time, data[end - length : end]
+                    self._newest = max(self._newest or 0, time)
+                    if wanted is None or number in wanted:
+                        yield number, time, data[end - length : end]
                 elif kind == _CONNECTION:
                     self._connection(fields, data[end - length : end])
                 at = end

@@ -148,11 +148,18 @@ class Replay:
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
                 yield self._answered(session.attach(event.monitor, self.spec.by_key, event.arrived))
-            if self.revises:
+            if self.revises:  # what came late is put in its place before the next event
                 yield from _meanwhile(session, event.arrived)
             yield self._answered(session.ingest(event))
-        yield self._answered(session.finish(session.now))
-        yield session.end(session.now)
+        yield from self._end(session)
+
+    def _end(self, session: Session) -> Iterator[list[Judged]]:
+        """End a session with its recording, which may go on for long after the last event that the spec observes."""
+        until = max(session.now, self.recording.until)
+        for judged in _meanwhile(session, until):
+            yield self._answered(judged)
+        yield self._answered(session.finish(until))
+        yield session.end(until)
 
     def _answered(self, judged: list[Judged]) -> list[Judged]:
         return judged if self._oracles is None else judged + self._oracles.settle()
@@ -307,7 +314,7 @@ def changeable(session: Session) -> Set[int] | None:
 
 
 def _meanwhile(session: Session, until: int) -> Iterator[list[Judged]]:
-    """What a session does of itself before a time (ns): what came late is put in its place before the next event."""
+    """What a session does of itself before a time (ns), each when it is due: a deadline that runs out, say."""
     last = -1
     while (due := session.next_deadline) is not None and last < due < until:
         yield session.advance(due)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -21,6 +22,7 @@ class SqliteFile:
         """Find the channels. Raises `TraceError` where they can't be read, and OSError."""
         self.path = path
         self.damages: list[str] = []
+        self._ended_early = False
         self._whole = _has_its_pages(path)
         if not self._whole:
             self.damages.append("ends early: pages of the database are missing")
@@ -85,7 +87,22 @@ class SqliteFile:
                 yield number, time, data
         except sqlite3.Error as error:
             if self._whole:
+                self._ended_early = True
                 self.damages.append(f"ends early: {error}")
+
+    @property
+    def newest(self) -> int:
+        """The time of the last message that can be read; 0 where reading them came to an end before that."""
+        found = 0
+        if self._ended_early:
+            return found
+        query = "SELECT max(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"
+        if not self._whole:
+            query = "SELECT timestamp FROM messages NOT INDEXED WHERE typeof(timestamp) = 'integer' ORDER BY id"
+        with suppress(sqlite3.Error):
+            for (time,) in self._database.execute(query):
+                found = max(found, time or 0)
+        return found
 
     def close(self) -> None:
         """Close the file."""

@@ -46,6 +46,11 @@ class Storage(Protocol):
         """The messages of these channels, by the time of recording. Damage ends them early, and raises nothing."""
         ...
 
+    @property
+    def newest(self) -> int:
+        """The time of recording of the last message that can be read, on any channel; 0 where there is none."""
+        ...
+
     def close(self) -> None:
         """Close the file."""
         ...
