@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -79,16 +80,18 @@ class Bag:
             raise TraceError(f"{self.path}: can't be read: {error.strerror or error}") from None
 
     def _open(self, files: Files, stack: ExitStack) -> list[Storage]:
-        storages, failed = [], []
+        found, failed = list[tuple[Path, Storage]](), []
         for path in files.paths:
             try:
-                storages.append(open_storage(path, stack))
+                found.append((path, open_storage(path, stack)))
             except TraceError as error:
                 failed.append(error)
-        if not storages:
+        if not found:
             raise failed[0]
         files.notes += [str(error) for error in failed]
-        return storages
+        found = found if files.promised is not None else _as_recorded(found)
+        files.paths = [path for path, _ in found]
+        return [storage for _, storage in found]
 
     def _prepare(self, files: Files, storages: Sequence[Storage]) -> list[dict[int, _AnySource]]:
         """The sources of each file by channel; what else is in the bag is ignored, and its types do not matter."""
@@ -207,6 +210,15 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
     folder = Path(stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
     unpack(path, folder)
     return folder
+
+
+def _as_recorded(files: list[tuple[Path, Storage]]) -> list[tuple[Path, Storage]]:
+    """Files by the times of their first messages; one that does not tell its own stays behind the one before it."""
+    begun, found = 0, []
+    for file in files:
+        begun = file[1].oldest or begun
+        found.append((begun, file))
+    return [file for _, file in sorted(found, key=itemgetter(0))]
 
 
 def _newest(storages: Sequence[Storage]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -35,7 +36,7 @@ _LARGEST = 2**26
 
 @dataclass(slots=True)
 class Files:
-    """The files of a bag, in the order of recording.
+    """The files of a bag, in the order of recording; without metadata in that of the numbers in their names.
 
     `promised` are the numbers of messages by topic that the metadata has, None without them; `notes` says what is
     wrong with the bag as a whole; `compressed`: each message is compressed.
@@ -53,7 +54,7 @@ def files_of(path: Path) -> Files:
         return Files([path])
     metadata = path / METADATA
     if not metadata.exists():
-        found = sorted(p for p in path.iterdir() if p.is_file() and begins_as(p) in MAGICS)
+        found = sorted((p for p in path.iterdir() if p.is_file() and begins_as(p) in MAGICS), key=_by_numbers)
         if not found:
             raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
         return Files(found, notes=[f"has no {METADATA}: its recording was not closed"])
@@ -95,6 +96,11 @@ def _information(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise TraceError(f"{path}: can't be read as the metadata of a bag; without it the folder's files can be")
     return found
+
+
+def _by_numbers(path: Path) -> list[str | int]:
+    """A name by which `bag_10` comes behind `bag_9`: its texts, and the numbers between them."""
+    return [int(part) if at % 2 else part for at, part in enumerate(re.split("([0-9]+)", path.name))]
 
 
 def _listed(folder: Path, information: dict[str, Any]) -> Files:

@@ -21,6 +21,8 @@ _CHUNK_HEAD = struct.Struct("<QQQI")
 _STATISTICS_HEAD = struct.Struct("<QHIIIIQQ")
 _RUN = 2**20
 """The most bytes of records outside chunks that are read at once."""
+_NO_TIME = 2**64 - 1
+"""Of a record that has none: it is later than any."""
 _LARGEST_NOTE = 2**26
 """The most bytes of a schema, a channel or the statistics."""
 
@@ -56,6 +58,11 @@ class McapFile:
         return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
 
     @property
+    def oldest(self) -> int:
+        """The time of the first message, as the headings of the file's parts have it."""
+        return min((block.start for block in self._blocks if block.start), default=0)
+
+    @property
     def newest(self) -> int:
         """The time of the last message that can be read; the file is read, unless its messages were."""
         if self._newest is None:
@@ -82,7 +89,8 @@ class McapFile:
             body = position + _RECORD.size
             run = kind == _MESSAGE or (run and kind in (_SCHEMA, _CHANNEL))
             if run:
-                self._add_to_run(position, _RECORD.size + there, self._time(_MESSAGE_HEAD, 2, there))
+                start = self._time(_MESSAGE_HEAD, 2, there) if kind == _MESSAGE else 0
+                self._add_to_run(position, _RECORD.size + there, start or _NO_TIME)
             elif kind == _CHUNK:
                 self._blocks.append(Block(self._time(_CHUNK_HEAD, 0, there), body, there))
             if there < length:

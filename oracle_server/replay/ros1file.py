@@ -48,6 +48,11 @@ class Ros1File:
         return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
 
     @property
+    def oldest(self) -> int:
+        """The time of the first message, as the headings of the file's parts have it."""
+        return min((block.start for block in self._blocks if block.start), default=0)
+
+    @property
     def newest(self) -> int:
         """The time of the last message that can be read; the file is read, unless its messages were."""
         if self._newest is None:

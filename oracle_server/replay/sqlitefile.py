@@ -91,6 +91,14 @@ class SqliteFile:
                 self.damages.append(f"ends early: {error}")
 
     @property
+    def oldest(self) -> int:
+        """The time of the first message."""
+        with suppress(sqlite3.Error):
+            query = "SELECT min(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"
+            return self._database.execute(query).fetchone()[0] or 0
+        return 0
+
+    @property
     def newest(self) -> int:
         """The time of the last message that can be read; 0 where reading them came to an end before that."""
         found = 0

@@ -47,6 +47,11 @@ class Storage(Protocol):
         ...
 
     @property
+    def oldest(self) -> int:
+        """The time of recording of the first message, on any channel; 0 where that is not known."""
+        ...
+
+    @property
     def newest(self) -> int:
         """The time of recording of the last message that can be read, on any channel; 0 where there is none."""
         ...

@@ -7,17 +7,18 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
 from oracle_server.replay.conclusion import UNUSABLE
+from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.opening import open_recording
 from oracle_server.specfiles.load import load_spec
 from tests.replay.fuzzing import DAMAGES, damage, judge, rewrite, whole_files
-from tests.replay.judging import write_numbers, write_spec
+from tests.replay.judging import BASE, write_numbers, write_spec
 from tests.replay.writing import SPEC
 
 NUMBERS = """
@@ -93,6 +94,35 @@ def test_a_chunk_that_differs_from_its_checksum_is_left_out_and_said(numbers: Sp
     assert 0 < counts["events"] < len(MANY)
     assert any("differs from its checksum" in doubt for doubt in found.doubts)
     assert any(f"{counts['events']} of the {len(MANY)} messages" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize("cut", [0, 1, 30])
+def test_messages_outside_chunks_are_in_their_order_whatever_stands_between_them(
+    cut: int, numbers: Spec, tmp_path: Path
+) -> None:
+    """A channel that was found late, and what is left of a message at the end, have no time."""
+    path = tmp_path / "fast.mcap"
+    with path.open("wb") as out:
+        writer = Writer(out, use_chunking=False)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        other = writer.register_channel("/y", "cdr", schema)
+        for at in range(30):
+            if at == 25:
+                found = writer.register_channel("/x", "cdr", schema)
+            if at >= 25:
+                writer.add_message(found, BASE + at, b"\0\1\0\0" + bytes(8), BASE + at)
+            writer.add_message(other, BASE + at, bytes(100_000), BASE + at)
+        end = out.tell()
+        writer.finish()  # type: ignore[no-untyped-call]
+    path.write_bytes(path.read_bytes()[: end - 100_000 - cut] if cut else path.read_bytes())
+    file = McapFile(path)
+    times = [at for _, at, _ in file.messages({found, other})]
+    assert (file.oldest, file.newest) == (BASE, times[-1])
+    file.close()
+    assert times == sorted(times)
+    assert len(times) >= 33
+    assert len({recorded.event.arrived for recorded in open_recording(path, numbers)}) == 5
 
 
 def test_a_ros1_bag_that_was_not_closed_is_judged_as_far_as_it_goes(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import zstandard
 from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
-from tests.replay.judging import judge, write_numbers, write_spec
+from tests.replay.judging import BASE, judge, write_numbers, write_spec
 
 SPEC = """
 id: numbers
@@ -99,3 +99,42 @@ def test_compressed_files_and_messages_are_read(bag: Path, spec: Path, tmp_path:
     target.write_bytes(target.read_bytes()[:-20])
     with pytest.raises(TraceError, match="could not be decompressed"):
         judge(spec, packed)
+
+
+def without_metadata(folder: Path, storage: StoragePlugin, parts: dict[str, list[int]]) -> Path:
+    """The files of a recorder that was killed, by name: each has numbers at as many seconds."""
+    killed = folder / "killed"
+    killed.mkdir()
+    for name, numbers in parts.items():
+        bag = write_numbers(folder / name, {"/x": [(n * 1000, float(n)) for n in numbers]}, storage)
+        (path,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+        path.rename(killed / f"{name}{path.suffix}")
+    return killed
+
+
+RISING = """
+id: rising
+ordering: {by: arrival}
+streams: [{topic: /x, type: std_msgs/msg/Float64, signals: {x: msg.data}}]
+properties: [{id: rises, formula: 'forall[n, m]. {x: *n} and pre {x: *m} -> *m <= *n'}]
+"""
+
+
+@pytest.mark.parametrize("storage", BOTH)
+@pytest.mark.parametrize("names", ["bag_{}", "part{}_of_12", "{}"])
+def test_files_without_metadata_are_read_as_they_were_recorded(
+    names: str, storage: StoragePlugin, tmp_path: Path
+) -> None:
+    """The tenth and later ones too, whose names come before the second one's."""
+    bag = without_metadata(tmp_path, storage, {names.format(n): [3 * n, 3 * n + 1, 3 * n + 2] for n in range(12)})
+    found = judge(write_spec(tmp_path, RISING), bag)
+    assert (found.summary["events"], found.exit) == (36, 0)
+    assert [row["arrived"] for row in found.rows] == [BASE + n * 10**9 for n in range(36)]
+
+
+@pytest.mark.parametrize("storage", BOTH)
+def test_times_count_more_than_names(storage: StoragePlugin, tmp_path: Path) -> None:
+    """As where a recorder began again and named its files anew; one without messages has no time."""
+    bag = without_metadata(tmp_path, storage, {"a": [6, 7], "b": [], "c_1": [0, 1], "c_2": [2, 3, 5]})
+    found = judge(write_spec(tmp_path, RISING), bag)
+    assert (found.summary["events"], found.exit) == (7, 0)
