@@ -18,7 +18,7 @@ _MOST = 5
 def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage]) -> list[Note]:
     """Everything that is to be said of a bag that was read to its end."""
     found = [Note(one_line(text), doubt=True) for text in files.notes]
-    for path, storage in zip(files.paths, storages, strict=False):
+    for path, storage in zip(files.paths, storages, strict=True):
         damages = list(dict.fromkeys(storage.damages))
         found += [Note(one_line(f"{path.name}: {damage}"), doubt=True) for damage in damages[:_MOST]]
         if len(damages) > _MOST:

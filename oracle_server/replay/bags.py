@@ -18,13 +18,13 @@ from oracle_server.core.spec import Spec
 from oracle_server.replay.actionroles import add_actions
 from oracle_server.replay.actions import Action, ActionSource
 from oracle_server.replay.bagnotes import notes_of
-from oracle_server.replay.folder import Files, files_of, open_storage
+from oracle_server.replay.folder import METADATA, Files, files_of, open_storage
 from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
 from oracle_server.replay.sources import Item, Source, Topic
-from oracle_server.replay.storage import Channel, Storage
+from oracle_server.replay.storage import Channel, Missing, Storage
 from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
@@ -53,7 +53,7 @@ class Bag:
         self.path = path
         self.ignored: Counter[str] = Counter()
         self.notes: list[Note] = []
-        self.read = self.size = self.until = 0
+        self.read = self.size = self.until = self.lost = 0
         self._plan, self._types = plan(spec), typestore(types)
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
@@ -82,13 +82,16 @@ class Bag:
     def _open(self, files: Files, stack: ExitStack) -> list[Storage]:
         found, failed = list[tuple[Path, Storage]](), []
         for path in files.paths:
+            if files.promised is not None and not path.is_file():
+                found.append((path, Missing(f"is missing, which {METADATA} names")))
+                continue
             try:
                 found.append((path, open_storage(path, stack)))
             except TraceError as error:
                 failed.append(error)
-        if not found:
+                found.append((path, Missing(str(error).removeprefix(f"{path}: "))))
+        if all(isinstance(storage, Missing) for _, storage in found):
             raise failed[0]
-        files.notes += [str(error) for error in failed]
         found = found if files.promised is not None else _as_recorded(found)
         files.paths = [path for path, _ in found]
         return [storage for _, storage in found]
@@ -169,25 +172,27 @@ class Bag:
                     continue
 
     def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> Iterator[Recorded]:
-        now = seq = lost = 0
+        now = seq = 0
         for storage, own in zip(storages, sources, strict=True):
             wanted = {number: source for number, source in own.items() if source.topic.role is not None}
-            damages = len(storage.damages)
+            known = damages = len(storage.damages)
             for number, time, raw in storage.messages(wanted) if wanted else ():
                 source = wanted[number]
                 self.read += 1
                 if len(storage.damages) > damages:
-                    damages, lost = len(storage.damages), lost + 1
+                    damages, self.lost = len(storage.damages), self.lost + 1
                 try:
                     items = self._items(source, raw)
                 except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
                     source.topic.note_unreadable(_reason(error))
-                    lost += 1
+                    self.lost += 1
                     continue
                 for item in items:
                     seq, now = seq + 1, max(now, time)
-                    yield Recorded(_event(item, seq, now, lost), passed=item.passed)
-                    lost = 0
+                    yield Recorded(_event(item, seq, now, self.lost), passed=item.passed)
+                    self.lost = 0
+            if known or len(storage.damages) > damages:  # what was known before it was read is mostly of its end
+                self.lost += 1
 
     def _items(self, source: _AnySource, raw: bytes) -> list[Item]:
         source.topic.seen += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -16,6 +16,7 @@ import yaml
 import zstandard
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.mcap import is_trace
 from oracle_server.replay.mcapfile import MAGIC as MCAP
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.ros1file import MAGIC as ROS1
@@ -38,8 +39,9 @@ _LARGEST = 2**26
 class Files:
     """The files of a bag, in the order of recording; without metadata in that of the numbers in their names.
 
-    `promised` are the numbers of messages by topic that the metadata has, None without them; `notes` says what is
-    wrong with the bag as a whole; `compressed`: each message is compressed.
+    Those that the metadata names are among them where they are missing, too. `promised` are the numbers of messages by
+    topic that it has, None without metadata; `notes` says what is wrong with the bag as a whole; `compressed`: each
+    message is compressed.
     """
 
     paths: list[Path]
@@ -108,12 +110,24 @@ def _listed(folder: Path, information: dict[str, Any]) -> Files:
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise TraceError(f"{folder / METADATA}: names no files")
     paths = [folder / PurePosixPath(name).name for name in names]
-    there = [path for path in paths if path.is_file()]
-    if not there:
+    if not any(path.is_file() for path in paths):
         raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
-    notes = [f"{path.name} is missing, which {METADATA} names" for path in paths if path not in there]
+    notes = [f"{path.name}: is not named in {METADATA}, and was not judged" for path in _beside(folder, paths)]
     compressed = str(information.get("compression_mode", "")).lower() == "message"
-    return Files(there, Counter(dict(_promised(information))), notes, compressed)
+    return Files(paths, Counter(dict(_promised(information))), notes, compressed)
+
+
+def _beside(folder: Path, named: Sequence[Path]) -> Iterator[Path]:
+    """The files of a folder that are as those which are named, but for copies of these that are compressed or not."""
+    suffixes, known = {_plain(path).suffix for path in named}, {_plain(path) for path in named}
+    for path in sorted(folder.iterdir(), key=_by_numbers):
+        alike = _plain(path).suffix in suffixes and _plain(path) not in known
+        if alike and path.is_file() and begins_as(path) in MAGICS and not is_trace(path):
+            yield path
+
+
+def _plain(path: Path) -> Path:
+    return path.with_name(path.name.removesuffix(".zstd"))
 
 
 def _promised(information: dict[str, Any]) -> Iterator[tuple[str, int]]:

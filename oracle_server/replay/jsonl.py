@@ -43,6 +43,7 @@ class Trace:
     notes: list[Note] = field(default_factory=list)
     read: int = 0
     until: int = 0
+    lost: int = 0
     _now: int = 0
     _seq: Counter[str] = field(default_factory=Counter)
     _odd: Counter[tuple[str, StepKind]] = field(default_factory=Counter)

@@ -91,7 +91,8 @@ class Recording(Protocol):
 
     `clocked` is whether it has times of arrival; `ignored` counts events of streams that the spec does not observe;
     `notes` grow while it is read. Once it is read, `until` is when (ns) the last of all that it has arrived, of
-    whatever stream: so long it went on, 0 where that is not known.
+    whatever stream: so long it went on, 0 where that is not known; `lost` is how often events may be missing behind the
+    last one of the spec's streams.
     """
 
     path: Path
@@ -101,6 +102,7 @@ class Recording(Protocol):
     read: int
     size: int
     until: int
+    lost: int
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events of the spec's streams. Raises `TraceError`."""

@@ -156,6 +156,8 @@ class Replay:
     def _end(self, session: Session) -> Iterator[list[Judged]]:
         """End a session with its recording, which may go on for long after the last event that the spec observes."""
         until = max(session.now, self.recording.until)
+        if self.recording.lost:
+            session.note_loss()
         for judged in _meanwhile(session, until):
             yield self._answered(judged)
         yield self._answered(session.finish(until))

@@ -61,5 +61,22 @@ class Storage(Protocol):
         ...
 
 
+class Missing:
+    """A file of a bag that is not there or can't be opened, for the reason `why`: nothing of it can be read."""
+
+    def __init__(self, why: str) -> None:
+        self.damages = [why]
+        self.channels: list[Channel] = []
+        self.oldest = self.newest = 0
+
+    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
+        """No messages."""
+        del wanted
+        return iter(())
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
 class DamagedError(OracleError):
     """A part of a file that can't be read; what can be is judged."""

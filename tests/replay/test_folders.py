@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -82,7 +83,7 @@ def test_a_folder_whose_recorder_was_killed_has_no_metadata(bag: Path, spec: Pat
 def test_a_file_that_is_missing_is_said(bag: Path, spec: Path) -> None:
     change(bag, r"(relative_file_paths:\n)( *- )(.*)\n", r"\1\2\3\n\2gone_1.db3\n")
     found = judge(spec, bag)
-    assert "gone_1.db3 is missing, which metadata.yaml names" in found.said
+    assert "gone_1.db3: is missing, which metadata.yaml names" in found.said
     assert (found.exit, found.strict) == (0, 3)
 
 
@@ -103,13 +104,106 @@ def test_compressed_files_and_messages_are_read(bag: Path, spec: Path, tmp_path:
 
 def without_metadata(folder: Path, storage: StoragePlugin, parts: dict[str, list[int]]) -> Path:
     """The files of a recorder that was killed, by name: each has numbers at as many seconds."""
-    killed = folder / "killed"
-    killed.mkdir()
+    killed = split(folder, storage, parts)
+    (killed / "metadata.yaml").unlink()
+    return killed
+
+
+def split(folder: Path, storage: StoragePlugin, parts: dict[str, list[int]]) -> Path:
+    """The files of a recorder, by name, and what describes them all."""
+    whole = folder / "whole"
+    whole.mkdir()
+    names = []
     for name, numbers in parts.items():
         bag = write_numbers(folder / name, {"/x": [(n * 1000, float(n)) for n in numbers]}, storage)
         (path,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
-        path.rename(killed / f"{name}{path.suffix}")
-    return killed
+        names.append(path.rename(whole / f"{name}{path.suffix}").name)
+        described = yaml.safe_load((bag / "metadata.yaml").read_text())
+    information = described["rosbag2_bagfile_information"]
+    information["relative_file_paths"] = names
+    information["topics_with_message_count"][0]["message_count"] = sum(map(len, parts.values()))
+    (whole / "metadata.yaml").write_text(yaml.safe_dump(described))
+    return whole
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-1000])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+@pytest.mark.parametrize("storage", BOTH)
+@pytest.mark.parametrize("lose", [Path.unlink, empty, cut])
+def test_verdicts_after_a_gap_between_files_are_degraded(
+    lose: Callable[[Path], None], storage: StoragePlugin, tmp_path: Path
+) -> None:
+    bag = split(tmp_path, storage, {f"s_{n}": [2 * n, 2 * n + 1] for n in range(4)})
+    (path,) = bag.glob("s_1.*")
+    lose(path)
+    found = judge(write_spec(tmp_path, RISING), bag)
+    assert found.strict == 3
+    degraded = {(row["arrived"] - BASE) // 10**9: row["degraded"] for row in found.rows}
+    assert [at for at, is_degraded in degraded.items() if is_degraded] == [4, 5, 6, 7]
+    assert degraded.keys() >= {0, 1, 4, 5, 6, 7}
+    assert f"\n{path.name}: " in f"\n{found.said}"
+
+
+@pytest.mark.parametrize("lost", ["s_0", "s_2"])
+def test_a_gap_at_an_end_degrades_what_comes_after_it(lost: str, tmp_path: Path) -> None:
+    """Behind the last event that is what time alone decides."""
+    text = RISING.replace("formula: 'forall[n, m]. {x: *n} and pre {x: *m} -> *m <= *n'", "ALIVE").replace(
+        "ALIVE", "time: seconds, formula: 'once[:1500ms] {topic: /x}'"
+    )
+    bag = split(tmp_path, StoragePlugin.MCAP, {"s_0": [0, 1], "s_1": [2, 3], "s_2": [4, 5]})
+    other = write_numbers(tmp_path / "other", {"/y": [(9000, 1.0)]}, StoragePlugin.MCAP)
+    next(other.glob("*.mcap")).rename(bag / "s_3.mcap")
+    change(bag, "- s_2.mcap", "- s_2.mcap\n  - s_3.mcap")
+    (bag / f"{lost}.mcap").unlink()
+    rows = judge(write_spec(tmp_path, text), bag).rows
+    assert [row["degraded"] for row in rows] == [lost == "s_0"] * 4 + [True]
+    assert rows[-1]["kind"] == "tick"
+    assert rows[-1]["violation"]
+
+
+@pytest.mark.parametrize("storage", BOTH)
+def test_a_file_that_the_metadata_does_not_name_is_said(storage: StoragePlugin, tmp_path: Path) -> None:
+    """As of a recorder that was killed, and had described what it had closed."""
+    bag = split(tmp_path, storage, {"e_0": [0, 1], "e_1": [2], "e_2": [3]})
+    change(bag, r"  - e_[12]\..*\n", "")
+    change(bag, "message_count: 4", "message_count: 2")
+    found = judge(write_spec(tmp_path, RISING), bag)
+    suffix = next(bag.glob("e_0.*")).suffix
+    assert found.said.splitlines() == [
+        f"e_{n}{suffix}: is not named in metadata.yaml, and was not judged" for n in (1, 2)
+    ]
+    assert (found.exit, found.strict) == (0, 3)
+
+
+def test_other_files_of_the_folder_are_no_matter(bag: Path, spec: Path) -> None:
+    """A copy that is compressed, one in another format, a session's trace, and whatever begins as no bag."""
+    (path,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+    (bag / f"{path.name}.zstd").write_bytes(zstandard.compress(path.read_bytes()))
+    (bag / "copy.bag").write_bytes(b"#ROSBAG V2.0\n")
+    (bag / "notes.mcap").write_text("of the flight")
+    (bag / "notes.db3").write_text("of the flight")
+    profile = b"oracle-server"
+    head = b"\x89MCAP0\r\n\x01" + (8 + len(profile)).to_bytes(8, "little") + len(profile).to_bytes(4, "little")
+    (bag / "session.mcap").write_bytes(head + profile + bytes(4))
+    found = judge(spec, bag)
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+def test_what_is_wrong_with_a_file_is_said_of_it(tmp_path: Path) -> None:
+    """Also behind one that could not be opened."""
+    bag = split(tmp_path, StoragePlugin.MCAP, {"s_0": [0, 1], "s_1": [2, 3], "s_2": [4, 5]})
+    empty(bag / "s_0.mcap")
+    cut(bag / "s_1.mcap")
+    said = judge(write_spec(tmp_path, RISING), bag).said
+    assert "s_0.mcap: is empty" in said
+    assert "s_1.mcap: ends early" in said
+    assert "s_2.mcap" not in said
 
 
 RISING = """
