@@ -56,8 +56,6 @@ class ActionSource:
         self._decode = decoder(channel, self._types)
         self._plan = ready
         self._keys = {key.kind: key for key in topic.role.streams}
-        self._goals: dict[int, str] = {}
-        self._standing: dict[str, int] = {}
         self._make: Callable[[Any], Iterator[Item]] = self._by_port()[topic.role.port.topic]
         self._inner: dict[Kind, Read] = {}
 
@@ -99,7 +97,7 @@ class ActionSource:
         if half is None:
             return
         if half.kind == "request":
-            goal = self._goals[half.call] = _hex(half.content.goal_id)
+            goal = self.topic.goals[half.call] = _hex(half.content.goal_id)
             yield from self._of_goal(goal, half.content, f"{self._prefix('_Event')}_Request", half.stamp)
             return
         goal = self._goal_of(half)
@@ -112,7 +110,7 @@ class ActionSource:
         if half is None:
             return
         if half.kind == "request":
-            self._goals[half.call] = _hex(half.content.goal_id)
+            self.topic.goals[half.call] = _hex(half.content.goal_id)
             return
         goal, word = self._goal_of(half), _word(_ROS2, half.content.status)
         if "result" in self._keys:
@@ -187,7 +185,7 @@ class ActionSource:
 
     def _goal_of(self, half: Half) -> str:
         """The goal of a response. Raises ValueError where its request is not in the recording."""
-        goal = self._goals.pop(half.call, None)
+        goal = self.topic.goals.pop(half.call, None)
         if goal is None:
             raise ValueError("the request that it answers is not in the recording, and with it the goal")
         return goal
@@ -202,7 +200,7 @@ class ActionSource:
 
     def _changed(self, found: dict[str, int]) -> Iterator[tuple[str, int]]:
         """The goals that stand otherwise than in the last array."""
-        before, self._standing = self._standing, found
+        before, self.topic.standing = self.topic.standing, found
         return ((goal, code) for goal, code in found.items() if before.get(goal) != code)
 
     def _item(

@@ -48,7 +48,8 @@ class Topic:
     read, of which `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content, and
     `timeless` ones no publication time where it should be, the first for the reason `why_timeless`. Its messages
     should be of the type that is `wanted`, empty for any; `types` are those that they have, with how many as far as
-    that is known.
+    that is known. Beneath an action, `goals` are those of open calls, and `standing` is how they stood in the last
+    array of status.
     """
 
     name: str
@@ -68,6 +69,8 @@ class Topic:
     timeless: int = 0
     why_timeless: str = ""
     denied: set[int] = field(default_factory=set)
+    goals: dict[int, str] = field(default_factory=dict)
+    standing: dict[str, int] = field(default_factory=dict)
 
     @property
     def is_service(self) -> bool:

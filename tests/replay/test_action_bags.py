@@ -142,14 +142,18 @@ class Robot2:
         full = "action_msgs/msg/GoalStatusArray"
         self._add(f"{side}/_action/status", full, at, full, message)
 
-    def write(self) -> Path:
-        with Writer2(self.path, version=9, storage_plugin=self.storage) as writer:
+    def write(self, path: Path | None = None, start: int = 0, stop: int = 10_000) -> Path:
+        """A bag of what was heard from a time on (ms) and before another one."""
+        path = path or self.path
+        with Writer2(path, version=9, storage_plugin=self.storage) as writer:
             ids: dict[str, Any] = {}
             for topic, type_, at, raw in sorted(self._rows, key=lambda row: row[2]):
+                if not start <= at < stop:
+                    continue
                 if topic not in ids:
                     ids[topic] = writer.add_connection(topic, type_, msgdef=self._definition, rihs01="RIHS01_00")
                 writer.write(ids[topic], BASE + at * MS, raw)
-        return self.path
+        return path
 
 
 def flight(robot: Robot2) -> Path:
@@ -202,6 +206,23 @@ def test_hidden_topics_and_service_events_are_events_of_the_action(storage: Stor
         "small": 1, "results_have_goals": 0
     }  # fmt: skip
     assert judged.summary["streams"]["/move goals"]["signals"]["y"]["present"] == 2
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("border", [11, 13, 31, 41, 50, 52])
+def test_a_bag_of_several_files_has_the_events_of_one(border: int, storage: StoragePlugin, tmp_path: Path) -> None:
+    """A file may end between a request and its response, and repeats nothing that was said in the one before."""
+    robot = Robot2(tmp_path / "bag", storage)
+    flight(robot)
+    robot.status(52, one=5)
+    bag = tmp_path / "split"
+    bag.mkdir()
+    for name, start, stop in (("s_0", 0, border), ("s_1", border, 10_000)):
+        part = robot.write(tmp_path / name, start, stop)
+        (file,) = (path for path in part.iterdir() if path.suffix != ".yaml")
+        file.rename(bag / file.name)
+    assert seen(bag) == FLIGHT
+    assert "could not be read" not in judge(write_spec(tmp_path, PLAIN), bag).said
 
 
 def test_types_of_actions_that_a_bag_does_not_define_are_those_of_a_folder(tmp_path: Path) -> None:
@@ -271,7 +292,7 @@ def one() -> Typestore:
     return store
 
 
-def flight1(path: Path) -> Path:
+def flight1(path: Path, start: int = 0, stop: int = 10_000) -> Path:
     """The same on ROS 1, where a server says by a status that it has taken a goal."""
     store = one()
     make = {name.rpartition("/")[2]: found for name, found in store.types.items()}
@@ -315,6 +336,8 @@ def flight1(path: Path) -> Path:
     with Writer1(path) as writer:
         ids: dict[str, Any] = {}
         for topic, type_, at, message in rows:
+            if not start <= at < stop:
+                continue
             if topic not in ids:
                 ids[topic] = writer.add_connection(topic, type_, typestore=store)
             writer.write(ids[topic], BASE + at * MS, store.serialize_ros1(message, type_))
@@ -328,6 +351,12 @@ def test_the_topics_of_ros_1_are_events_of_the_action(tmp_path: Path) -> None:
         ("feedback", "a", None), ("goal", "b", None), ("reply", "b", "rejected"), ("result", "b", "rejected"),
         ("status", "b", "rejected"), ("cancel", "", None), ("status", "a", "canceled"), ("result", "a", "canceled"),
     ]  # fmt: skip
+    parts = tmp_path / "split"
+    parts.mkdir()
+    flight1(parts / "s_0.bag", 0, 32)
+    flight1(parts / "s_1.bag", 32, 51)
+    flight1(parts / "s_2.bag", 51)
+    assert seen(parts) == seen(bag)
     found = list(events(bag))
     assert [e.data for e in found if e.stream.kind == "goal"] == [
         {"x": 3.0, "at": {"y": 1.5}}, {"x": 9.0, "at": {"y": 1.5}}
