@@ -21,6 +21,8 @@ _CHUNK_HEAD = struct.Struct("<QQQI")
 _STATISTICS_HEAD = struct.Struct("<QHIIIIQQ")
 _RUN = 2**20
 """The most bytes of records outside chunks that are read at once."""
+_UNREAD = -1
+"""The time of the newest message where none was read yet."""
 _NO_TIME = 2**64 - 1
 """Of a record that has none: it is later than any."""
 _LARGEST_NOTE = 2**26
@@ -39,7 +41,7 @@ class McapFile:
         self._channels: dict[int, Channel] = {}
         self._counts: dict[int, int] | None = None
         self._blocks: list[Block] = []
-        self._newest: int | None = None
+        self._newest = _UNREAD
         self._file: BinaryIO = path.open("rb")
         try:
             self._scan(path.stat().st_size)
@@ -65,10 +67,10 @@ class McapFile:
     @property
     def newest(self) -> int:
         """The time of the last message that can be read; the file is read, unless its messages were."""
-        if self._newest is None:
+        if self._newest == _UNREAD:
             for _ in self.messages(()):
                 pass
-        return self._newest or 0
+        return max(self._newest, 0)
 
     def in_file_order(self) -> Iterator[Message]:
         """All messages, as they stand in the file."""
@@ -166,7 +168,7 @@ class McapFile:
                 break
             if kind == _MESSAGE and length >= _MESSAGE_HEAD.size:
                 channel, _, time, _ = _MESSAGE_HEAD.unpack_from(data, at)
-                self._newest = max(self._newest or 0, time)
+                self._newest = max(self._newest, time)
                 if wanted is None or channel in wanted:
                     yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
             elif kind in (_SCHEMA, _CHANNEL):

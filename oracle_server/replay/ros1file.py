@@ -15,6 +15,8 @@ from oracle_server.replay.storage import Channel, DamagedError, Message
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _LARGEST_HEAD = 2**26
+_UNREAD = -1
+"""The time of the newest message where none was read yet."""
 _Fields = dict[bytes, bytes]
 
 
@@ -28,7 +30,7 @@ class Ros1File:
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
         self._blocks: list[Block] = []
-        self._newest: int | None = None
+        self._newest = _UNREAD
         self._ended_early = False
         self._indexed = 0
         self._file: BinaryIO = path.open("rb")
@@ -55,10 +57,10 @@ class Ros1File:
     @property
     def newest(self) -> int:
         """The time of the last message that can be read; the file is read, unless its messages were."""
-        if self._newest is None:
+        if self._newest == _UNREAD:
             for _ in self.messages(()):
                 pass
-        return self._newest or 0
+        return max(self._newest, 0)
 
     def close(self) -> None:
         """Close the file."""
@@ -147,10 +149,11 @@ class Ros1File:
                     break
                 fields = _fields(data[at + 4 : at + 4 + head])
                 kind, number = _number(fields, b"op", 1), _number(fields, b"conn", 4)
-                if kind == _MESSAGE:
-                    time = _nanoseconds(*struct.unpack("<II", fields.get(b"time", b"")))
-                    self._newest = max(self._newest or 0, time)
-                    if wanted is None or number in wanted:
+                asked, stamp = wanted is None or number in wanted, fields.get(b"time", b"")
+                if kind == _MESSAGE and (asked or len(stamp) == 8):  # what nobody asked for does no harm
+                    time = _nanoseconds(*struct.unpack("<II", stamp))
+                    self._newest = max(self._newest, time)
+                    if asked:
                         yield number, time, data[end - length : end]
                 elif kind == _CONNECTION:
                     self._connection(fields, data[end - length : end])
