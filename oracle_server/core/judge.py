@@ -8,8 +8,9 @@ from functools import partial
 
 import msgspec
 
+from oracle_server.core.blaming import NO_ONE, Blaming
 from oracle_server.core.counting import Counters, Told
-from oracle_server.core.deciding import Before, attempted, denies, is_denied, is_denied_by
+from oracle_server.core.deciding import Before, attempted, is_denied, is_denied_by
 from oracle_server.core.derived.state import Derived, LastStep
 from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
 from oracle_server.core.episode import Following, loaded, saved
@@ -23,16 +24,14 @@ from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property, orders
 from oracle_server.core.tally import StreamCounts
-from oracle_server.core.telling import Telling
-from oracle_server.core.verdicts import NEGATIVE, Decision, Judged, Outcome, Verdict
+from oracle_server.core.verdicts import Judged, Outcome, Verdict
 from oracle_server.core.weakly import weakly
 
 Seen = tuple[Signals, frozenset[str]]
 """Signals, and those that failed."""
-_NO_ONE = frozenset[int]()
 
 
-class Judge(Telling):
+class Judge(Blaming):
     """The state of one session in one order of events."""
 
     def __init__(
@@ -294,7 +293,7 @@ class Judge(Telling):
         self._move_on(step, stream)
         if self._ticked > self.present:
             self._outdate(before)
-        blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
+        blameless = self._blameless(step, stream) if stream.blames else NO_ONE
         signals, failed = self._signals(step, stream)
         if stream.derives or self.counters.steps == 1:
             failed = self._derived.step(stream.derives, step, signals, failed, self.present, self.counters.steps)
@@ -332,18 +331,6 @@ class Judge(Telling):
         """A time (ns) that is past, whatever the step's stamp: a clock that is far behind must not prolong a grace."""
         return step.event.arrived - self._slack
 
-    def _blameless(self, step: Step, stream: StreamPlan) -> frozenset[int]:
-        """The guards with `blame: caused` that would be negative without the event too."""
-        if not (self._decides and step.event.ask):
-            return _NO_ONE
-        held = self._held.get(step.event.monitor, Held())
-        signals, failed = self._derived.at(self.present, self.counters.steps, held.values, held.failed)
-        return frozenset(
-            i
-            for i in stream.blames
-            if self.properties[i].silent(self.plan.silent[i], self.present, signals, failed) in NEGATIVE
-        )
-
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         """Time never goes back, and an unordered event is judged at the present.
 
@@ -366,15 +353,6 @@ class Judge(Telling):
             self._ticked = self.present
         else:
             self._outdated = True
-
-    def _decide(self, step: Step, outcomes: Sequence[Outcome], blameless: frozenset[int] = _NO_ONE) -> Decision | None:
-        """The decision on an event, by the outcomes of all properties; None where none is wanted."""
-        if not (step.event.ask and self._decides):
-            return None
-        guards = self.plan.streams[step.event.stream].guards
-        denying = [i for i in guards if denies(outcomes[i], blamed=i not in blameless)]
-        denied_by = tuple(self.properties[i].property.id for i in denying)
-        return Decision("deny" if denied_by else "allow", denied_by)
 
     def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
         """All signals of a step: its own, the reserved ones, and those that its monitor's streams hold."""

@@ -13,18 +13,18 @@ from oracle_server.core.engine import (
     Bounded,
     Broken,
     Engine,
-    Explaining,
     Measuring,
     Receiving,
     Revisable,
     Savable,
 )
 from oracle_server.core.errors import EngineError
+from oracle_server.core.explained import Explained
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.lost import lost
 from oracle_server.core.owing import Owed, Owing, Unanswered
-from oracle_server.core.past import NO_PAST, Past
+from oracle_server.core.past import Past
 from oracle_server.core.plan import View
 from oracle_server.core.records import EventRecord
 from oracle_server.core.snapshot import PropertySnapshot
@@ -51,7 +51,7 @@ class Mark(NamedTuple):
 
 
 @dataclass(slots=True)
-class PropertyState:
+class PropertyState(Explained):
     """The property's engine and its last outcome; `failures` counts the steps that could not be judged."""
 
     property: Property
@@ -279,33 +279,6 @@ class PropertyState:
         if self.outcome in FINAL or self.broken is not None or not isinstance(self.engine, Measuring):
             return None
         return self.engine.robustness
-
-    @builtin_property
-    def complaint(self) -> str | None:
-        """What went wrong in the engine, None for nothing."""
-        told = [getattr(self.engine, "complaint", None), None if self.lacking is None else self.lacking()]
-        found: str | None = "; ".join(each for each in told if each) or None
-        if self.unexplained:
-            times = "once" if self.unexplained == 1 else f"{self.unexplained} times"
-            found = f"{found}; " if found else ""
-            found += f"it could not say why {times}; the last time: {self._inexplicable}"
-        return found
-
-    def explain(self, outcome: Outcome) -> None:
-        """Before `remember`: find out why the last step has this outcome, where it is a violation or was asked for."""
-        if self.outcome not in FINAL and outcome is not Outcome.UNKNOWN:
-            self._explain(outcome)
-
-    def _explain(self, outcome: Outcome) -> None:
-        if self.asked or (outcome in NEGATIVE and (not self.negative or self.unanswered)):
-            past = NO_PAST if self.past is None else self.past()
-            self.why = None
-            if past is not None and isinstance(self.engine, Explaining):
-                try:
-                    self.why = self.engine.explain(past)
-                except Exception as error:  # noqa: BLE001 -- an outcome stands, whether or not it can be explained
-                    self.unexplained += 1
-                    self._inexplicable = str(error) or type(error).__name__
 
     def _take_back(self, engine: Revisable) -> None:
         """Take a tick back, and count its cost."""
