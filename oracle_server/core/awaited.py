@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
+from oracle_server.core.formula.breach import breach
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import TRUE, Always, walk
 from oracle_server.core.spec import Property, Spec
@@ -51,6 +52,13 @@ def _guards(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
             "`always` can, as in `{stop} -> always[:5] {speed: 0}`; leave the guard out"
         )
         yield SpecProblem(("properties", i, "guards"), message)
+    if prop.guards and not _beyond_always(found) and breach(found) is None:
+        message = (
+            f"'{prop.id}' guards by two `always`, joined by `or`: the event that breaks the second one is denied, and "
+            "none that comes after it; guard by one of them alone, or by a formula that looks back, as in "
+            "`{topic: /cmd, v > 0} -> not once[:5] {stop}`"
+        )
+        yield SpecProblem(("properties", i, "guards"), message, severity="warning")
 
 
 def _trigger(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:

@@ -36,6 +36,7 @@ class Blaming(Telling):
         if not (step.event.ask and self._decides):
             return None
         guards = self.plan.streams[step.event.stream].guards
-        denying = [i for i in guards if denies(outcomes[i], blamed=i not in blameless)]
-        denied_by = tuple(self.properties[i].property.id for i in denying)
+        states = self.properties
+        denying = [i for i in guards if denies(outcomes[i], blamed=i not in blameless, breaks=states[i].breaks)]
+        denied_by = tuple(states[i].property.id for i in denying)
         return Decision("deny" if denied_by else "allow", denied_by)

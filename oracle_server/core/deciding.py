@@ -10,7 +10,7 @@ from oracle_server.core.episode import Following
 from oracle_server.core.holding import Held
 from oracle_server.core.property_state import Mark
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Outcome, Verdict
+from oracle_server.core.verdicts import NEGATIVE, Decision, Outcome, Verdict
 
 
 class Before(NamedTuple):
@@ -25,9 +25,12 @@ class Before(NamedTuple):
     following: Following
 
 
-def denies(outcome: Outcome, *, blamed: bool) -> bool:
-    """Whether an outcome of a guard denies an event, which is to `blame` for what is negative or not."""
-    return outcome in DENYING and (blamed or outcome not in NEGATIVE)
+def denies(outcome: Outcome, *, blamed: bool, breaks: bool) -> bool:
+    """Whether an outcome of a guard denies an event, which is to `blame` for what is negative or not.
+
+    `breaks`: the event broke what is asked by `always`, whether or not that is negative once more.
+    """
+    return outcome is Outcome.UNKNOWN or (blamed and (breaks or outcome in NEGATIVE))
 
 
 def attempted(verdict: Verdict, *, owes: bool) -> Verdict:

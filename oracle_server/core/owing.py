@@ -58,6 +58,14 @@ class Owing(Engine, Protocol):
         ...
 
 
+@runtime_checkable
+class Guarding(Owing, Protocol):
+    """Such an engine of a property that guards streams."""
+
+    breaks: bool
+    """Whether the last step broke what is asked by `always`, also where that was decided false before, and counted."""
+
+
 def about(unanswered: Sequence[Unanswered]) -> list[AboutRecord]:
     """What a record tells of obligations that were not answered."""
     return [{**each.event, "values": dict(each.values)} for each in unanswered[:MOST_TOLD]]

@@ -23,7 +23,7 @@ from oracle_server.core.explained import Explained
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.lost import lost
-from oracle_server.core.owing import Owed, Owing, Unanswered
+from oracle_server.core.owing import Guarding, Owed, Owing, Unanswered
 from oracle_server.core.past import Past
 from oracle_server.core.plan import View
 from oracle_server.core.records import EventRecord
@@ -95,6 +95,8 @@ class PropertyState(Explained):
     """Its obligations, None where its formula only looks back, or it is not judged any more."""
     settles: bool = False
     """Whether time has decided some, when it came last."""
+    _guarding: Guarding | None = field(init=False)
+    """The engine, where it tells what breaks obligations that were decided before, and has not failed."""
     _revisable: Revisable | None = field(init=False)
     """The engine, where it can take steps back and has not failed."""
 
@@ -102,6 +104,7 @@ class PropertyState(Explained):
         """Find out once what its engine can do."""
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
         self._revisable = self.engine if isinstance(self.engine, Revisable) else None
+        self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
 
     def step(
         self,
@@ -158,6 +161,11 @@ class PropertyState(Explained):
             return None
         return 0 if self.outcome in FINAL else self.owed.pending
 
+    @builtin_property
+    def breaks(self) -> bool:
+        """Whether the last step broke what is asked by `always`, though that may have been decided before."""
+        return self._guarding is not None and self._guarding.breaks
+
     def hear(self, event: Callable[[], EventRecord]) -> None:
         """Have its obligations told the event of the present step by this."""
         if self.owed is not None:
@@ -206,6 +214,8 @@ class PropertyState(Explained):
             return self.outcome
         engine.mark()
         outcome = self._ask_engine(view, time, signals, failed)
+        if self.breaks and outcome is not Outcome.UNKNOWN:
+            outcome = Outcome.CURRENTLY_FALSE
         self._take_back(engine)
         return outcome if view.reads.isdisjoint(failed) else Outcome.UNKNOWN
 
@@ -292,7 +302,7 @@ class PropertyState(Explained):
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
         self.broken, self._revisable = reason, None
-        self.engine, self.owed = Broken(self.complaint), None
+        self.engine, self.owed, self._guarding = Broken(self.complaint), None, None
 
     def _take_unanswered(self) -> None:
         """Count what obligations were decided with the last step, or by the time that came last."""

@@ -17,7 +17,7 @@ from oracle_server.core.spec import Property, orders
 from oracle_server.engines import reelay, stl
 from oracle_server.engines.both import BothEngine
 from oracle_server.engines.external import ExternalEngine
-from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.native import NativeEngine, engine_of
 from oracle_server.engines.reelay import ReelayEngine
 
 _NATIVE = "leave `engine` out, or write `engine: native`"
@@ -65,7 +65,7 @@ class Row(NamedTuple):
 
 
 def _native(prop: Property, share: float) -> Engine:
-    return NativeEngine(prop.formula, prop.time, share)
+    return engine_of(prop, share)
 
 
 def _reelay(prop: Property, _: float) -> Engine:

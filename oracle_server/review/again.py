@@ -14,7 +14,7 @@ from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, orders
 from oracle_server.core.verdicts import Outcome
-from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.native import engine_of
 from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep
@@ -70,14 +70,14 @@ class Again:
 
     def _engine(self, index: int, prop: Property) -> Engine:
         if ENGINES[prop.engine].explicable and (index == self._index or ENGINES[prop.engine].native):
-            return self._chosen(prop) if index == self._index else NativeEngine(prop.formula, prop.time)
+            return self._chosen(prop) if index == self._index else engine_of(prop)
         engine = Recorded()
         self._recorded.append((index, engine))
         return engine
 
     def _chosen(self, prop: Property) -> Engine:
         """The engine of the property that it is about."""
-        return NativeEngine(prop.formula, prop.time)
+        return engine_of(prop)
 
 
 async def judge_in_thread(history: Reading, again: Again, page: Sequence[StoredStep], position: int) -> None:

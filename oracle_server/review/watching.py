@@ -72,7 +72,7 @@ class Watching(Again):
         self.opened, self.target, self._rows = looked.opened, looked.target, looked.rows
 
     def _chosen(self, prop: Property) -> Engine:
-        return WatchedEngine(prop.formula, prop.time, self._rows)
+        return WatchedEngine(prop.formula, prop.time, self._rows, guards=bool(prop.guards))
 
     def _signals(self, outcome: Outcome | None) -> Mapping[str, Scalar]:
         """What the formula saw of the last step, where it was judged."""

@@ -11,15 +11,15 @@ from oracle_server.core.formula.outline import Row, free
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.verdicts import Outcome
-from oracle_server.engines.native.engine import NativeEngine
+from oracle_server.engines.native.guarding import GuardingEngine
 
 
-class WatchedEngine(NativeEngine):
+class WatchedEngine(GuardingEngine):
     """A native engine that is asked at each step for the truth of some parts of its formula."""
 
-    def __init__(self, formula: Formula, time: Time, rows: Sequence[Row]) -> None:
-        """`rows` are the parts that are asked for."""
-        super().__init__(formula, time)
+    def __init__(self, formula: Formula, time: Time, rows: Sequence[Row], *, guards: bool = False) -> None:
+        """`rows` are the parts that are asked for; `guards`: it decides events."""
+        super().__init__(formula, time, guards=guards)
         self._rows = [(row.part, row.path) if row.is_told else None for row in rows]
         self.watching = range(0)
         """The times (ns) of the steps at which it is asked."""

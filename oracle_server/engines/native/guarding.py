@@ -1,0 +1,96 @@
+"""The engine of a guard: it tells which steps break what is asked by `always`, also where that was decided before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from oracle_server.core.atoms import Match, Matches
+from oracle_server.core.errors import EngineError
+from oracle_server.core.formula.ahead import obligation
+from oracle_server.core.formula.breach import breach, unlimited
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.tree import TRUE, Formula, atoms
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import NEGATIVE, Outcome
+from oracle_server.engines.native.engine import NativeEngine
+
+_TRUE: Match = ()
+
+
+class GuardingEngine(NativeEngine):
+    """A native engine with a second one beside it, for the formula of what breaks its obligations, where it has any.
+
+    An obligation is decided once, by the first step that breaks it; those that come after it are to be denied as well.
+    """
+
+    def __init__(self, formula: Formula, time: Time = "steps", share: float = 1, *, guards: bool = True) -> None:
+        """`share` is the part of an engine's cost limit that each of both may use; `guards`: it decides events."""
+        super().__init__(formula, time, share)
+        found = obligation(formula) if guards else None
+        broken = None if found is None else breach(found)
+        self.breaks = False
+        """Whether the last step broke what is asked by `always`, be it decided before or not."""
+        self._beside = None if broken is None else NativeEngine(broken, time, share)
+        known = {unlimited(atom): place for place, atom in enumerate(atoms(formula))}
+        self._places = [None if atom == TRUE else known[atom] for atom in (() if broken is None else atoms(broken))]
+
+    def step(self, time: int, matches: Matches) -> Outcome:
+        """Judge the next step; see `Engine.step`."""
+        outcome = super().step(time, matches)
+        if self._beside is not None:
+            seen = [_TRUE if place is None else matches[place] for place in self._places]
+            self.breaks = self._beside.step(time, seen) not in NEGATIVE
+        return outcome
+
+    @property
+    def work(self) -> int:
+        """What the last step cost, in values that were looked at."""
+        return self._timeline.work + (0 if self._beside is None else self._beside.work)
+
+    def allow(self, work: int) -> None:
+        """Let it look at so many values for a step; see `Bounded.allow`."""
+        super().allow(work)
+        if self._beside is not None:
+            self._beside.allow(work)
+
+    def mark(self) -> None:
+        """Note all changes from now on, until `back` or `keep`; marks can be nested."""
+        super().mark()
+        if self._beside is not None:
+            self._beside.mark()
+
+    def back(self) -> None:
+        """Take back all steps since the last mark; what the last one broke is not told again."""
+        super().back()
+        if self._beside is not None:
+            self._beside.back()
+
+    def keep(self) -> None:
+        """Keep the steps since the last mark."""
+        super().keep()
+        if self._beside is not None:
+            self._beside.keep()
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that later verdicts and decisions depend on, as plain data that JSON can represent."""
+        saved = super().snapshot()
+        return saved if self._beside is None else {**saved, "beside": self._beside.snapshot()}
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Continue from a snapshot of the same formula, before the first step.
+
+        Raises `EngineError` where it was taken by a version that keeps other things.
+        """
+        if self._beside is not None:
+            if "beside" not in data:
+                raise EngineError("a snapshot of a version that kept nothing of obligations which were decided false")
+            self._beside.restore(data["beside"])
+        super().restore(data)
+
+
+def engine_of(prop: Property, share: float = 1) -> NativeEngine:
+    """A fresh native engine for a property, which may cost a `share` of what engines may."""
+    if not prop.guards:
+        return NativeEngine(prop.formula, prop.time, share)
+    return GuardingEngine(prop.formula, prop.time, share)
