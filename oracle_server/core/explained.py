@@ -14,7 +14,7 @@ from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 class Explained:
     """The part of a property's state that asks its engine why."""
 
-    __slots__ = ("_inexplicable", "unexplained", "why")
+    __slots__ = ("_inexplicable", "negative", "outcome", "unexplained", "why")
 
     engine: Engine
     outcome: Outcome

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
+from oracle_server.core.counted import Counted
 from oracle_server.core.engine import (
     MAX_WORK,
     Answer,
@@ -19,7 +20,6 @@ from oracle_server.core.engine import (
     Savable,
 )
 from oracle_server.core.errors import EngineError
-from oracle_server.core.explained import Explained
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.lost import lost
@@ -51,7 +51,7 @@ class Mark(NamedTuple):
 
 
 @dataclass(slots=True)
-class PropertyState(Explained):
+class PropertyState(Counted):
     """The property's engine and its last outcome; `failures` counts the steps that could not be judged."""
 
     property: Property
@@ -348,34 +348,3 @@ class PropertyState(Explained):
             outcome = Outcome.UNKNOWN
         self.work = getattr(engine, "work", 0)
         return outcome
-
-    def remember(self, verdict: int, outcome: Outcome) -> bool:
-        """Record the outcome of verdict number `verdict`; true where the property became negative with it."""
-        unanswered = len(self.unanswered) if self.outcome not in FINAL else 0
-        if unanswered:
-            return self._count(verdict, outcome, unanswered)
-        if outcome is self.outcome:
-            return False
-        self.outcome = outcome
-        if outcome is Outcome.UNKNOWN:
-            return False
-        was, self.negative = self.negative, outcome in NEGATIVE
-        if was or not self.negative:
-            return False
-        self.violations += 1
-        self.first_violation = self.first_violation or verdict
-        return True
-
-    def _count(self, verdict: int, outcome: Outcome, violations: int) -> bool:
-        """Count each obligation that was not answered; true where these are violations."""
-        self.outcome, self.negative = outcome, outcome in NEGATIVE
-        if not self.negative:
-            return False
-        self.violations += violations
-        self.first_violation = self.first_violation or verdict
-        return True
-
-    def note_first(self, verdict: int, step: int | None, at: int) -> None:
-        """Where verdict number `verdict` is the first violation: the number of its step, and its stamp (ns)."""
-        if verdict == self.first_violation:
-            self.first_violation_step, self.first_violation_at = step, at
