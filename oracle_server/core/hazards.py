@@ -19,6 +19,7 @@ from oracle_server.core.fields import inspect_fields
 from oracle_server.core.gaps import gaps
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
+from oracle_server.core.lingering import lingers
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
@@ -279,11 +280,23 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
                 and not waits(prop)
                 and not mendable(spec, prop, name)
             ):
+                caused = "`blame: caused` denies"
+                if lingers(spec, prop, name):
+                    caused = f"`blame: caused` at the property and `on_deny: undo` at {name} deny"
                 yield SpecProblem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
-                    "it would then deny what is not to blame; `blame: caused` denies only what withholding mends, "
+                    f"it would then deny what is not to blame; {caused} only what withholding mends, "
                     "and `blame: any` says that it is meant",
+                    severity="warning",
+                )
+            elif prop.blame == "caused" and lingers(spec, prop, name) and not mendable(spec, prop, name):
+                yield SpecProblem(
+                    ("properties", i, "blame"),
+                    f"property '{prop.id}' looks back at {name}, of which a denied event has happened all the same: as "
+                    "long as it stays negative after one, it may deny what withholding would not mend, since that "
+                    f"one may be the reason; write `on_deny: undo` at {name}, so that what is denied never happened, "
+                    "or `blame: any`",
                     severity="warning",
                 )
 

@@ -44,6 +44,7 @@ class Judge(Blaming):
         decides: bool = True,
     ) -> None:
         """Judge with one fresh engine a property; verdicts are numbered from `numbers`."""
+        super().__init__()
         self.plan = plan
         self._order = order
         self._numbers = numbers
@@ -306,10 +307,14 @@ class Judge(Blaming):
             worse.append(degraded or state.failures > 0 or state.renewed)
             outcomes.append(state.step(view, time, signals, failed, latest, allowed))
             allowed -= state.work
+        if blameless:
+            blameless = self._excused(blameless, stream, signals)
         decision = self._decide(step, outcomes, blameless)
         if revisable and is_denied(decision):
             self._recent.unnumber()
             number = None
+        elif stream.blames and is_denied(decision):
+            self._stain(stream)
         verdicts = []
         for state, outcome, is_degraded in zip(self.properties, outcomes, worse, strict=True):
             state.explain(outcome)

@@ -95,6 +95,12 @@ class PropertyState(Counted):
     """Its obligations, None where its formula only looks back, or it is not judged any more."""
     settles: bool = False
     """Whether time has decided some, when it came last."""
+    stained: bool = False
+    """Whether an event that was denied may still count, since it has happened for all that; see `blame: caused`."""
+    is_innocent: bool = False
+    """Whether the last step holds by itself, where the property is latched."""
+    _goes_on: bool = field(init=False)
+    """Whether the engine is asked on once the property is latched, to tell whom it blames."""
     _guarding: Guarding | None = field(init=False)
     """The engine, where it tells what breaks obligations that were decided before, and has not failed."""
     _revisable: Revisable | None = field(init=False)
@@ -105,6 +111,9 @@ class PropertyState(Counted):
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
         self._revisable = self.engine if isinstance(self.engine, Revisable) else None
         self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
+
+        prop = self.property
+        self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
 
     def step(
         self,
@@ -117,13 +126,30 @@ class PropertyState(Counted):
     ) -> Outcome:
         """The outcome at the next step, which may cost what is `allowed`; `latest` (ns) is past, whatever its stamp."""
         self.work = self.idle_work = 0
-        self.unanswered = ()
+        self.unanswered, self.is_innocent = (), False
         if self.outcome in FINAL:
+            if self._goes_on:
+                self._ask_beneath(view, time, signals, failed, allowed)
             return self.outcome
         outcome = self._ask_engine(view, time, signals, failed, allowed)
         if outcome is self.outcome and outcome is _HOLDS and self.owed is None and not failed:
             return outcome  # as nearly always
         return self._outcome_at(view, max(time, latest), failed, outcome)
+
+    def _ask_beneath(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int) -> None:
+        """Take a step where the property is latched: what its formula comes to tells whom it blames."""
+        outcome = self._ask_engine(view, time, signals, failed, allowed)
+        known = outcome is not Outcome.UNKNOWN and view.reads.isdisjoint(failed)
+        self.is_innocent = known and not (outcome in NEGATIVE or self.breaks)
+
+    @builtin_property
+    def is_lost_beneath(self) -> bool:
+        """Whether it is latched, and its engine can't tell any more what its formula comes to."""
+        return self.property.latch and self.outcome is Outcome.FALSE and not self._goes_on
+
+    def stain(self) -> None:
+        """Note that an event which was denied may count at later steps, since it has happened for all that."""
+        self.stained = True
 
     def _outcome_at(self, view: View, latest: int, failed: Names, outcome: Outcome) -> Outcome:
         """What an outcome of the engine comes to at a step, by when a time (ns) must have come."""
@@ -210,8 +236,10 @@ class PropertyState(Counted):
     def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step without signals but held ones, in the place of the next one."""
         engine = self._revisable
-        if engine is None or self.outcome in FINAL:
+        if self.outcome in FINAL and not self._goes_on:
             return self.outcome
+        if engine is None:
+            return Outcome.UNKNOWN if self.broken is not None else self.outcome
         engine.mark()
         outcome = self._ask_engine(view, time, signals, failed)
         if self.breaks and outcome is not Outcome.UNKNOWN:
@@ -251,7 +279,7 @@ class PropertyState(Counted):
     def snapshot(self) -> PropertySnapshot | None:
         """All that later verdicts depend on, as plain data; None where the engine can't be saved."""
         engine = None
-        if self.outcome not in FINAL and self.broken is None:
+        if self.broken is None and (self.outcome not in FINAL or self._goes_on):
             if not isinstance(self.engine, Savable):
                 return None
             engine = self.engine.snapshot()
@@ -265,6 +293,7 @@ class PropertyState(Counted):
             "failures": self.failures,
             "broken": self.broken,
             "renewed": self.renewed,
+            "stained": self.stained,
             "engine": engine,
         }
 
@@ -278,6 +307,8 @@ class PropertyState(Counted):
         if self.broken is not None:
             self._revisable = None
         self.renewed = data.get("renewed", False)
+        self.stained = data.get("stained", True)
+        self._goes_on = self._goes_on and (data["engine"] is not None or self.outcome not in FINAL)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
                 raise EngineError("a snapshot of another engine")

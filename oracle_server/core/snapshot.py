@@ -12,7 +12,7 @@ from oracle_server.core.formula.tree import Scalar
 class PropertySnapshot(TypedDict):
     """One property; `engine` is None where it needs none any more. The fields are those of `PropertyState`.
 
-    Older versions lack where the first violation was.
+    Older versions lack where the first violation was, and whether denied events may still count: then they may.
     """
 
     outcome: str
@@ -24,6 +24,7 @@ class PropertySnapshot(TypedDict):
     failures: int
     broken: str | None
     renewed: bool
+    stained: NotRequired[bool]
     engine: dict[str, Any] | None
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import random
 from typing import Any
 
@@ -11,10 +13,13 @@ from oracle_server.core.atoms import Matches
 from oracle_server.core.errors import EngineError
 from oracle_server.core.events import Event
 from oracle_server.core.formula.render import render
+from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, record
 from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.table import make_engines
+from oracle_server.specfiles.load import parse_spec
 from tests import generate
 from tests.brute import truths
 from tests.core.sessions import MODE, A, B, Feed, open_session, outcomes, prop
@@ -152,6 +157,110 @@ def test_what_is_held_counts_where_an_event_is_imagined_away() -> None:
     feed = Feed(session)
     feed(MODE, 1, {"mode": 1})
     assert decisions(feed(A, 2, {}, ask=True)) == ["allow"]
+
+
+LIMIT = 'not {topic: "/a", v > 5}'
+OPENED = [
+    pytest.param(prop("p", LIMIT, latch=True, blame="caused", **GUARD), "deny deny allow", id="latched"),
+    pytest.param(prop("p", f"historically {LIMIT}", blame="caused", **GUARD), "deny deny allow", id="for good"),
+    pytest.param(prop("p", f"historically[:9] {LIMIT}", blame="caused", **GUARD), "deny deny allow", id="in a window"),
+    pytest.param(
+        prop("p", f"historically[:9] {LIMIT}", latch=True, blame="caused", **GUARD), "deny deny allow", id="both"
+    ),
+    pytest.param(
+        prop("p", f"historically[:9ns] {LIMIT}", time="seconds", blame="caused", **GUARD), "deny deny allow", id="timed"
+    ),
+    pytest.param(
+        prop("p", f"{LIMIT} and historically[3:9] {LIMIT}", blame="caused", **GUARD), "deny deny allow", id="later"
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("guard", "then"), OPENED)
+def test_a_denial_that_stays_opens_the_guard_for_nothing_like_it(guard: Property, then: str) -> None:
+    """What was denied and kept breaks the property by itself: one more is denied, and what adds nothing passes."""
+    feed = Feed(session_of(guard, on_deny="keep"))
+    first = [j for n, v in enumerate((1, 9, 0, 0, 0), 1) for j in feed(A, n, {"v": v}, ask=True)]
+    assert decisions(first) == ["allow", "deny", "allow", "allow", "allow"]
+    again = [j for n, v in enumerate((9, 9, 0), 6) for j in feed(A, n, {"v": v}, ask=True)]
+    assert decisions(again) == then.split()
+
+
+@pytest.mark.parametrize("way", ["snapshot", "records", "of a version that kept less"])
+@pytest.mark.parametrize("latch", [False, True])
+def test_a_restarted_guard_denies_what_it_denied(latch: bool, way: str) -> None:
+    text = LIMIT if latch else f"historically {LIMIT}"
+    session, again = (
+        session_of(prop("p", text, latch=latch, blame="caused", **GUARD), on_deny="keep") for _ in range(2)
+    )
+    feed = Feed(session)
+    judged = feed(A, 1, {"v": 9}, ask=True) + feed(A, 2, {"v": 9}, ask=True)
+    if way == "records":
+        assert [again.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+    else:
+        saved: Any = json.loads(json.dumps(session.snapshot()))
+        (state,) = saved["judges"]["arrival"]["properties"]
+        if way == "of a version that kept less":
+            del state["stained"]
+            state["engine"] = None
+        again.restore(saved, 3)
+    feed = Feed(again)
+    feed.seqs["m"] = itertools.count(3)
+    assert decisions(feed(A, 3, {"v": 9}, ask=True) + feed(A, 4, {"v": 1}, ask=True)) == ["deny", "allow"]
+
+
+@pytest.mark.parametrize("latch", [False, True])
+def test_what_others_broke_is_let_pass_until_a_denied_event_may_be_the_reason(latch: bool) -> None:
+    guard = prop("p", 'not {v > 5} and historically not {topic: "/b", v > 5}', latch=latch, blame="caused", **GUARD)
+    session = session_of(guard, on_deny="keep")
+    feed = Feed(session)
+    judged = feed(A, 1, {"v": 9}, ask=True) + feed(A, 2, {"v": 1}, ask=True)
+    feed(B, 3, {"v": 9})
+    judged += feed(A, 4, {"v": 1}, ask=True) + feed(A, 5, {"v": 9}, ask=True)
+    assert decisions(judged) == ["deny", "allow", "allow", "allow"], "/b has broken it for good, whatever /a does"
+
+
+def test_a_latch_denies_what_breaks_its_formula_and_nothing_else_whoever_has_latched_it() -> None:
+    guard = prop("p", '({topic: "/a"} -> {v <= 5}) and not {w > 5}', latch=True, blame="caused", **GUARD)
+    feed = Feed(session_of(guard, on_deny="keep"))
+    feed(B, 1, {"w": 9})
+    judged = [j for n, v in enumerate((1, 9, 1, 9), 2) for j in feed(A, n, {"v": v}, ask=True)]
+    assert decisions(judged) == ["allow", "deny", "allow", "deny"]
+    assert outcomes(judged) == ["false"] * 4, "negative for good all the same"
+
+
+@pytest.mark.parametrize(
+    ("derive", "says", "choices"),
+    [
+        ("{}", "pattern: 'at most 2 /a within 1s'", "allow allow deny deny deny deny deny"),
+        (
+            "{a: {start: low, states: {low: {up: high}, high: {down: low}}}}",
+            "machine: a",
+            "allow deny deny deny deny deny deny",
+        ),
+    ],
+)
+def test_nor_is_what_it_left_in_derived_signals(derive: str, says: str, choices: str) -> None:
+    ready = plan(
+        parse_spec(
+            "id: x\ndefine: {up: '{topic: /a, m: up}', down: '{topic: /a, m: down}'}\n"
+            f"derive: {derive}\nordering: {{by: arrival}}\n"
+            "streams: [{topic: /a, signals: {m: msg.m}, action: filter, decide_within: 9s}]\n"
+            f"properties: [{{id: p, {says}, guards: [/a], blame: caused}}]\n",
+            "x",
+        ).spec
+    )
+    session = Session(ready, make_engines(ready))
+    session.attach("m", [A], 0)
+    feed = Feed(session)
+    judged = [j for n in range(1, 8) for j in feed(A, n * 10**8, {"m": "up"}, ask=True)]
+    assert decisions(judged) == choices.split()
+
+
+def test_what_a_denied_event_left_in_held_signals_is_no_excuse() -> None:
+    feed = Feed(session_of(prop("p", "not {v > 5}", blame="caused", **GUARD), on_deny="keep", hold=frozenset({"v"})))
+    judged = [j for n, v in enumerate((9, 9, 1, 9), 1) for j in feed(A, n, {"v": v}, ask=True)]
+    assert decisions(judged) == ["deny", "deny", "allow", "deny"]
 
 
 def test_who_attempted_in_vain_did_not_speak_last() -> None:

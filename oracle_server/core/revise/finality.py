@@ -28,6 +28,7 @@ class Stand(msgspec.Struct, frozen=True, gc=False):
     first_violation_at: int | None
     final: Outcome | None
     final_since: int
+    stained: bool
 
 
 @dataclass(slots=True)
@@ -122,17 +123,27 @@ class RevisableState(PropertyState):
         PropertyState.keep(self)
         self._marked.pop()
 
+    def stain(self) -> None:
+        """Note that an event which was denied may count at later steps; see `PropertyState.stain`."""
+        self.changed.append(self)
+        self.stained = True
+
+    @property
+    def is_lost_beneath(self) -> bool:
+        """Whether it is latched: its engine is not asked for more than what is final."""
+        return self.property.latch and self.final is Outcome.FALSE
+
     def stand(self) -> Stand:
         """How it stands."""
         return Stand(
             self.outcome, self.negative, self.failures, self.violations, self.first_violation,
-            self.first_violation_step, self.first_violation_at, self.final, self.final_since,
+            self.first_violation_step, self.first_violation_at, self.final, self.final_since, self.stained,
         )  # fmt: skip
 
     def put(self, stand: Stand) -> None:
         """Stand as it did, but for an engine that failed since: it stays failed."""
         self.outcome, self.negative, self.failures = stand.outcome, stand.negative, stand.failures
-        self.violations, self.first_violation = stand.violations, stand.first_violation
+        self.violations, self.first_violation, self.stained = stand.violations, stand.first_violation, stand.stained
         self.first_violation_step, self.first_violation_at = stand.first_violation_step, stand.first_violation_at
         if not self.said:  # what was said to be final is not taken back
             self.final, self.final_since = stand.final, stand.final_since
