@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import Time, parse_formula
-from oracle_server.core.formula.tree import Formula
+from oracle_server.core.formula.tree import Formula, Position
 from oracle_server.core.plan import Plan
 from oracle_server.core.spec import Property, orders
 from oracle_server.engines import reelay, stl
@@ -36,6 +36,10 @@ def _any(_: Property) -> Refusal | None:
     return None
 
 
+def _no_doubts(_: Property) -> Iterator[tuple[str, Position]]:
+    return iter(())
+
+
 def _always(_: Property) -> bool:
     return True
 
@@ -52,7 +56,7 @@ class Row(NamedTuple):
     something is not installed. `refuses` returns why it can't judge a property, `goes_back` whether it can take steps
     back. A verdict of an `explicable` one is explained on request by the native engine, which reads the same formulas;
     the outcomes of a `native` one are that engine's own. The formulas of a `numeric` one are over numbers, and only
-    their signals are known outside it.
+    their signals are known outside it. `doubts` returns what is to be warned of in a formula, each with its place.
     """
 
     make: Callable[[Property, float], Engine]
@@ -62,6 +66,7 @@ class Row(NamedTuple):
     explicable: bool = True
     native: bool = False
     numeric: bool = False
+    doubts: Callable[[Property], Iterator[tuple[str, Position]]] = _no_doubts
 
 
 def _native(prop: Property, share: float) -> Engine:
@@ -94,6 +99,10 @@ def _read_stl(text: str, time: Time, _: Names) -> Formula:
     return read_stl(text, time).formula
 
 
+def _stl_doubts(prop: Property) -> Iterator[tuple[str, Position]]:
+    return stl.equalities(prop.text)
+
+
 def _read_for_reelay(text: str, time: Time, names: Names) -> Formula:
     reelay.demand()
     return parse_formula(text, time, names)
@@ -123,7 +132,7 @@ ENGINES: Mapping[str, Row] = MappingProxyType(
         "both": Row(
             _both, _read_for_reelay, refuses=_both_refuses, goes_back=lambda prop: not _reelay_can(prop), native=True
         ),
-        "rtamt": Row(_rtamt, _read_stl, goes_back=_never, explicable=False, numeric=True),
+        "rtamt": Row(_rtamt, _read_stl, goes_back=_never, explicable=False, numeric=True, doubts=_stl_doubts),
         "external": Row(_external, goes_back=_never, explicable=False),
     }
 )

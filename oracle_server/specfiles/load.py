@@ -315,6 +315,9 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
         refusal = row.refuses(prop)
         if refusal is not None:
             yield SpecProblem(("properties", i, refusal.key), f"property '{prop.id}': {refusal.reason}")
+        for message, within in row.doubts(prop):
+            path = ("properties", i, "formula")
+            yield SpecProblem(path, f"property '{prop.id}': {message}", within, severity="warning")
         if row.goes_back(prop):
             continue
         if spec.ordering.late == "revise":

@@ -37,6 +37,48 @@ properties:
 """
 
 
+@pytest.mark.parametrize(
+    ("formula", "column", "told"),
+    [
+        ("mode == 2 -> speed < 3", 19, "write two inequalities with a margin, as in `mode > 1.5 and mode < 2.5`"),
+        ("once(mode !== 2)", 24, "write two inequalities with a margin, as in `mode < 1.5 or mode > 2.5`"),
+        ("(mode > 1.5 and mode <= 2.5) -> speed >= 3", None, ""),
+    ],
+)
+def test_an_equality_that_can_be_decided_on_one_side_alone_is_warned_of(
+    formula: str, column: int | None, told: str
+) -> None:
+    found = parse_spec(
+        "id: x\nstreams:\n  - {topic: /a, signals: {mode: msg.m, speed: msg.v}, hold: [mode, speed]}\n"
+        f"properties:\n  - id: p\n    formula: {formula}\n    engine: rtamt\n",
+        "x",
+    )
+    assert [(w.line, w.column) for w in found.warnings] == ([] if column is None else [(6, column)])
+    assert all(told in w.message for w in found.warnings)
+
+
+@pytest.mark.parametrize(("condition", "outcomes"), [
+    ("mode == 2", ["unknown", "currently_true"]),
+    ("(mode > 1.5 and mode < 2.5)", ["currently_false", "currently_true"]),
+])  # fmt: skip
+def test_what_is_asked_in_a_mode_is_violated_in_it_with_a_margin_alone(condition: str, outcomes: list[str]) -> None:
+    ready = plan(
+        parse_spec(
+            "id: x\nordering: {by: arrival}\nstreams: [{topic: /odom, signals: {mode: msg.m, speed: msg.v}}]\n"
+            f"properties: [{{id: p, engine: rtamt, formula: '{condition} -> speed < 3'}}]\n",
+            "x",
+        ).spec
+    )
+    session = Session(ready, make_engines(ready))
+    found = [
+        verdict.outcome.value
+        for seq, mode in enumerate((2, 1), start=1)
+        for j in session.ingest(Event(StreamKey("/odom", "topic"), "m", seq, None, seq, {"m": mode, "v": 5}))
+        for verdict in j.verdicts
+    ]
+    assert found == outcomes
+
+
 def judge(*events: tuple[str, Any], hold: str = "speed", latch: str = "false") -> list[VerdictRecord]:
     """The records of `slow`; every event asks."""
     ready = plan(parse_spec(SPEC.format(hold=hold, latch=latch), "cart").spec)
