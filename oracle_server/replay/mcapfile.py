@@ -104,7 +104,7 @@ class McapFile:
             position = body + length
         if not ended:
             self.damages.append(f"ends early, in the record at byte {position} of {size}")
-        if not ended or channels is None or channels > len(self._channels):
+        if not ended or channels is None or channels > len(self._channels) or self._counts is None:
             self._counts = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
             del self.damages[0 if ended else 1 :]  # they are found again with the messages
 
@@ -147,8 +147,11 @@ class McapFile:
             elif kind == _STATISTICS:
                 at = _STATISTICS_HEAD.size + 4
                 pairs = struct.iter_unpack("<HQ", data[at : at + struct.unpack_from("<I", data, at - 4)[0]])
-                self._counts = dict(pairs)
-                return int(_STATISTICS_HEAD.unpack_from(data)[2])
+                total, _, channels = _STATISTICS_HEAD.unpack_from(data)[:3]
+                counts = dict(pairs)
+                # an empty one says that the numbers are not known, and not that there are no messages
+                self._counts = counts if sum(counts.values()) == total else None
+                return int(channels)
         except (struct.error, UnicodeDecodeError):
             self.damages.append("has a record that can't be read")
         return None

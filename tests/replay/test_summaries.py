@@ -1,0 +1,69 @@
+"""MCAP files whose summaries leave out what a summary may leave out: judged as those that have it."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.writer import Writer
+
+from tests.replay.judging import BASE, MS, Judgement, judge, write_spec
+
+LEVELS = """
+id: levels
+ordering: {by: arrival}
+streams:
+  - {topic: /a, type: std_msgs/msg/Float64, signals: {v: msg.data}}
+  - {topic: /b, type: std_msgs/msg/Float64, signals: {w: msg.data}}
+properties:
+  - {id: a_low, formula: '{topic: "/a"} -> {v < 5}'}
+  - {id: b_low, formula: '{topic: "/b"} -> {w < 5}'}
+"""
+NUMBER = ("std_msgs/msg/Float64", "ros2msg", b"float64 data\n", "cdr")
+Channel = tuple[str, str, bytes, str]
+"""The name of a type, the encoding of its definition, the definition, and how the messages are encoded."""
+
+
+def number(value: float) -> bytes:
+    return b"\x00\x01\x00\x00" + struct.pack("<d", value)
+
+
+def write(path: Path, other: Channel, message: bytes, *, counted: bool = True, **leaving_out: Any) -> Path:
+    """Five numbers on /a and messages on /b; the statistics have each channel's messages where they are `counted`."""
+    with path.open("wb") as out:
+        writer = Writer(out, **leaving_out)
+        writer.start(profile="ros2", library="test")
+        ids = []
+        for topic, (name, encoding, definition, serialization) in (("/a", NUMBER), ("/b", other)):
+            schema = writer.register_schema(name, encoding, definition)
+            ids.append(writer.register_channel(topic, serialization, schema))
+        for n in range(5):
+            for channel, data in zip(ids, (number(1.0), message), strict=True):
+                writer.add_message(channel, BASE + n * MS, data, BASE + n * MS)
+        if not counted:
+            writer._Writer__statistics.channel_message_counts = {}  # type: ignore[attr-defined]
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+def of(path: Path) -> Judgement:
+    return judge(write_spec(path.parent, LEVELS), path)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_other_types_are_told_whether_or_not_messages_are_counted(counted: bool, tmp_path: Path) -> None:
+    whole = ("std_msgs/msg/Int32", "ros2msg", b"int32 data\n", "cdr")
+    found = of(write(tmp_path / "x.mcap", whole, b"\x00\x01\x00\x00\x63\x00\x00\x00", counted=counted))
+    said = "/b: its 5 messages are of the type std_msgs/msg/Int32, and the spec says std_msgs/msg/Float64"
+    assert (found.exit, said in found.said) == (2, True)
+    assert "should be there" not in found.said
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_messages_that_are_not_read_are_told_whether_or_not_they_are_counted(counted: bool, tmp_path: Path) -> None:
+    json = ("std_msgs/msg/Float64", "jsonschema", b"{}", "json")
+    path = write(tmp_path / "x.mcap", json, b'{"data": 99}', counted=counted)
+    with pytest.raises(Exception, match="/b: its messages are in 'json', which is not read"):
+        of(path)
