@@ -39,7 +39,8 @@ def _types(topic: Topic) -> Iterator[Note]:
     for name, count in topic.types.items() if topic.wanted else ():
         if name != topic.wanted:
             which = part_of(count, sum(topic.types.values())) if count else "some of its messages are"
-            what = f"{topic.name}: {which} of the type {name}, and the spec says {topic.wanted}"
+            type_ = f"the type {name}" if name else "a type that the recording does not tell"
+            what = f"{topic.name}: {which} of {type_}, and the spec says {topic.wanted}"
             yield Note(one_line(f"{what}: such a message was not judged"), unusable=True)
 
 

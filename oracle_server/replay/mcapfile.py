@@ -39,6 +39,7 @@ class McapFile:
         self.damages: list[str] = []
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._channels: dict[int, Channel] = {}
+        self._schema_of: dict[int, int] = {}
         self._counts: dict[int, int] | None = None
         self._blocks: list[Block] = []
         self._newest = _UNREAD
@@ -51,9 +52,14 @@ class McapFile:
 
     @property
     def channels(self) -> list[Channel]:
-        """The channels."""
+        """The channels, each with what is known of its schema; a summary may have the channel without it."""
         counts = self._counts
-        return [c._replace(promised=None if counts is None else counts.get(c.id, 0)) for c in self._channels.values()]
+        found = []
+        for channel in self._channels.values():
+            name, encoding, text = self._schemas.get(self._schema_of[channel.id], ("", "", ""))
+            promised = None if counts is None else counts.get(channel.id, 0)
+            found.append(channel._replace(type=name, definition=text, encoding=encoding, promised=promised))
+        return found
 
     def messages(self, wanted: Collection[int]) -> Iterator[Message]:
         """The messages of these channels, by the time of recording."""
@@ -104,9 +110,16 @@ class McapFile:
             position = body + length
         if not ended:
             self.damages.append(f"ends early, in the record at byte {position} of {size}")
-        if not ended or channels is None or channels > len(self._channels) or self._counts is None:
-            self._counts = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
+        missing = channels is None or channels > len(self._channels) or self._lacks_schemas
+        if not ended or missing or self._counts is None:
+            read = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
+            self._counts = read if self._counts is None else self._counts
             del self.damages[0 if ended else 1 :]  # they are found again with the messages
+
+    @property
+    def _lacks_schemas(self) -> bool:
+        """Whether a schema of a channel is not known yet; the number 0 stands for none."""
+        return any(schema and schema not in self._schemas for schema in self._schema_of.values())
 
     def _record_at(self, position: int, size: int) -> tuple[int, int, int] | None:
         """The kind of the record at a place, its length, and how much of that is there; None behind the last one."""
@@ -141,9 +154,9 @@ class McapFile:
             elif kind == _CHANNEL:
                 number, schema = _short(data, 0), _short(data, 2)
                 topic, at = _string(data, 4)
-                name, encoding, text = self._schemas.get(schema, ("", "", ""))
-                channel = Channel(number, topic, name, text, encoding, _string(data, at)[0])
-                self._channels.setdefault(number, channel)
+                channel = Channel(number, topic, "", serialization=_string(data, at)[0])
+                if self._channels.setdefault(number, channel) is channel:
+                    self._schema_of[number] = schema
             elif kind == _STATISTICS:
                 at = _STATISTICS_HEAD.size + 4
                 pairs = struct.iter_unpack("<HQ", data[at : at + struct.unpack_from("<I", data, at - 4)[0]])

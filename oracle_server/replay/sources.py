@@ -90,7 +90,7 @@ class Topic:
 
     def takes(self, channel: Channel) -> bool:
         """Whether the messages of a channel are of the type that the spec says; which are there is noted."""
-        name = channel.type.removesuffix(EVENT) if self.is_service else type_name(channel.type)
+        name = channel.type.removesuffix(EVENT) if self.is_service else type_name(channel.type) if channel.type else ""
         if channel.promised != 0:
             self.types[name] = self.types.get(name, 0) + (channel.promised or 0)
         return not self.wanted or name == self.wanted

@@ -67,3 +67,35 @@ def test_messages_that_are_not_read_are_told_whether_or_not_they_are_counted(cou
     path = write(tmp_path / "x.mcap", json, b'{"data": 99}', counted=counted)
     with pytest.raises(Exception, match="/b: its messages are in 'json', which is not read"):
         of(path)
+
+
+LEFT_OUT: dict[str, dict[str, Any]] = {
+    "nothing": {},
+    "numbers of messages": {"counted": False},
+    "schemas": {"repeat_schemas": False},
+    "schemas and statistics": {"repeat_schemas": False, "use_statistics": False},
+    "schemas and numbers": {"repeat_schemas": False, "counted": False},
+    "schemas and channels": {"repeat_schemas": False, "repeat_channels": False},
+    "channels": {"repeat_channels": False},
+    "all, without chunks": {"repeat_schemas": False, "repeat_channels": False, "use_chunking": False},
+}
+
+
+@pytest.mark.parametrize("what", LEFT_OUT)
+def test_what_a_summary_leaves_out_changes_nothing(what: str, tmp_path: Path) -> None:
+    found = of(write(tmp_path / "x.mcap", NUMBER, number(9.0), **LEFT_OUT[what]))
+    violated = {name: state["violations"] for name, state in found.summary["properties"].items()}
+    assert (found.exit, found.said, violated) == (1, "", {"a_low": 0, "b_low": 5})
+
+
+def test_a_type_that_a_file_does_not_tell_is_said_so(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as out:
+        writer = Writer(out)
+        writer.start(profile="ros2", library="test")
+        number_ = writer.register_channel("/b", "cdr", 0)
+        writer.add_message(number_, BASE, number(9.0), BASE)
+        writer.finish()  # type: ignore[no-untyped-call]
+    found = of(path)
+    assert "/b: its only message is of a type that the recording does not tell, and the spec says std" in found.said
+    assert found.exit == 2
