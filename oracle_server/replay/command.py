@@ -44,9 +44,7 @@ def run_replay(
     refuse_swapped(specs, trace)
     known = Types(types)
     loaded = [load_spec(path, types=known) for path in specs]
-    marked = {
-        file.spec.id: Marked(str(path), property_places(file.text)) for path, file in zip(specs, loaded, strict=True)
-    }
+    marked = [Marked(str(path), property_places(file.text)) for path, file in zip(specs, loaded, strict=True)]
     report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals, specs=marked)
     statuses = []
     for file in loaded:

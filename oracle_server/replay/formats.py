@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable, Sequence
 from typing import IO, Literal, Protocol
 
 from oracle_server.core.verdicts import Judged
@@ -39,11 +38,12 @@ def make_report(
     *,
     several: bool,
     signals: bool = False,
-    specs: Mapping[str, Marked] = MappingProxyType({}),
+    specs: Sequence[Marked] = (),
 ) -> Report:
     """A report that is written to `out`; with `several` specs, each record names its spec.
 
-    With `signals` a report as text counts the signals of every stream; one of annotations marks places in the `specs`.
+    With `signals` a report as text counts the signals of every stream; one of annotations marks places in the `specs`,
+    which are those of the replays, in their order.
     """
     if form == "github":
         return GithubReport(out, specs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import IO, Any, Literal, NamedTuple
 
 from oracle_server.core.verdicts import Judged
@@ -23,9 +23,9 @@ class Marked(NamedTuple):
 class GithubReport:
     """A line for each property that was violated or not judged, and for whatever else keeps a replay from success."""
 
-    def __init__(self, out: IO[str], specs: Mapping[str, Marked]) -> None:
-        """`specs` are those of the replays, by their ids."""
-        self._out, self._specs = out, specs
+    def __init__(self, out: IO[str], specs: Sequence[Marked]) -> None:
+        """`specs` are those of the replays, in their order: several files may have one id."""
+        self._out, self._specs = out, iter(specs)
 
     def judged(self, replay: Replay, judged: Judged) -> None:  # noqa: ARG002 -- as all of them
         """Keep nothing: episodes are known at the end."""
@@ -33,7 +33,7 @@ class GithubReport:
 
     def ended(self, replay: Replay) -> None:
         """Write the lines of one replay."""
-        marked = self._specs[replay.spec.id]
+        marked = next(self._specs)
         path = f"{replay.recording.path}: "
         for severity, name, text in _told(replay, conclude(replay)):
             place = marked.places.get(name.removesuffix(" (arrival)"), (1, 1))

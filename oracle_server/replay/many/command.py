@@ -165,7 +165,7 @@ def _judge(engine: Engine, results: Kept | Told, recordings: Sequence[Path], spe
         course = _Course(show, sizes)
         for said in engine.run(tasks):
             if isinstance(said, Unit):
-                tally.add(results.take(said))
+                tally.add(said.spec, results.take(said))
             course.note(said)
 
 

@@ -13,18 +13,24 @@ from oracle_server.replay.conclusion import gravest
 from oracle_server.replay.many.judging import Text
 from oracle_server.replay.many.row import Row
 
-_Of = tuple[str, str, bool]
-"""A spec, a property, and whether it is of the second order."""
+_Of = tuple[int, str, bool]
+"""A spec by its index, a property, and whether it is of the second order."""
 
 
 class Tally:
     """Counts the recordings by what their properties came to."""
 
     def __init__(self, specs: Sequence[Text]) -> None:
-        """Of several specs each line names its own."""
+        """Of several specs each line names its own; by its file, too, where others have its id."""
         self._several = len(specs) > 1
+        ids = Counter(spec.id for spec in specs)
+        self._names = [spec.id if ids[spec.id] == 1 else f"{spec.id} ({spec.path})" for spec in specs]
+        self._by_path = {spec.path: name for spec, name in zip(specs, self._names, strict=True)}
         self._counts: dict[_Of, Counter[str]] = {
-            (spec.id, name, late): Counter() for spec in specs for name in spec.properties for late in (False, True)
+            (i, name, late): Counter()
+            for i, spec in enumerate(specs)
+            for name in spec.properties
+            for late in (False, True)
         }
         self._exits: set[int] = set()
         self.broken: dict[str, str] = {}
@@ -35,12 +41,12 @@ class Tally:
         """The gravest exit status of all."""
         return gravest(list(self._exits))
 
-    def add(self, rows: Sequence[Row]) -> None:
-        """Count a result."""
+    def add(self, spec: int, rows: Sequence[Row]) -> None:
+        """Count a result of the spec with an index; rows that were kept may name another file with its text."""
         second = _second(rows)
         for row in rows:
             self._exits.add(row.exit)
-            counts = self._counts[row.spec, row.property, row.order == second]
+            counts = self._counts[spec, row.property, row.order == second]
             counts["recordings"] += 1
             if row.error is not None:
                 self.broken.setdefault(row.recording, row.error)
@@ -56,7 +62,7 @@ class Tally:
         """What is wrong in one recording, by one spec."""
         second = _second(rows)
         for row in rows:
-            at = f"{row.recording}: {row.spec}: " if self._several else f"{row.recording}: "
+            at = f"{row.recording}: {self._by_path[row.spec_path]}: " if self._several else f"{row.recording}: "
             if row.violations:
                 often = f"{counted(row.violations, 'violation')}, {counted(row.episodes or 0, 'episode')}"
                 yield one_line(f"{at}{_name(row, second)}: {often}; the first: {row.explanation}")
@@ -74,7 +80,7 @@ class Tally:
                 continue
             name = f"{prop} (arrival)" if second else prop
             cells = (counts[key] for key in ("recordings", "violated", "violations", "episodes", "unjudged", "error"))
-            rows.append((*([spec] if self._several else []), name, *map(str, cells)))
+            rows.append((*([self._names[spec]] if self._several else []), name, *map(str, cells)))
         print_table(("spec", *names) if self._several else names, rows, out)
 
 
