@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
 import sys
+import traceback
 from typing import Annotated
 
 import typer
@@ -63,26 +66,20 @@ tokens.command("list")(token.list_)
 
 
 def main() -> None:
-    """Run the command line; an error is one line on standard error and exit status 2."""
+    """Run the command line; an error is one line on standard error and exit status 2, as 1 says "violated"."""
     _write_utf8()
     try:
         status = app(standalone_mode=False)
+        sys.stdout.flush()  # what can't be written is told of, too
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(130)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
-    except OracleError as error:
-        sys.exit(_fail(str(error)))
-    except ModuleNotFoundError as error:
-        if error.name not in _POSIX:
-            raise
-        sys.exit(_fail("this needs Linux or macOS; `check`, `replay` and what reads a running server work here, too"))
     except Exception as error:
-        usage = getattr(error, "format_message", None)  # a usage error of click, of which typer may have its own copy
-        if usage is None:
+        if sys.flags.dev_mode and not isinstance(error, OracleError):
             raise
-        sys.exit(_fail(usage()))
+        sys.exit(_fail(_reason(error)))
     sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -93,6 +90,32 @@ def _write_utf8() -> None:
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")
 
 
+def _reason(error: Exception) -> str:
+    """Why a command could not do what it should: something that is foreseen, or else a defect and where it is."""
+    usage = getattr(error, "format_message", None)  # a usage error of click, of which typer may have its own copy
+    if isinstance(error, OracleError):
+        return str(error)
+    if isinstance(error, ModuleNotFoundError) and error.name in _POSIX:
+        return "this needs Linux or macOS; `check`, `replay` and what reads a running server work here, too"
+    if usage is not None:
+        return str(usage())
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename is not None else "can't go on: "
+        return f"{where}{error.strerror or error}"
+    if isinstance(error, MemoryError):
+        return "more memory is needed than there is"
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    what = f"{type(error).__name__}: {error} ({frame.filename}:{frame.lineno})".replace("\n", " ")
+    return f"a defect of oracle-server, please report it: {what}; with PYTHONDEVMODE=1 its whole traceback is shown"
+
+
 def _fail(message: str) -> int:
-    typer.echo("\n".join(map(one_line, f"oracle-server: {message}".split("\n"))), err=True)
+    """Say something on standard error; returns the exit status."""
+    with contextlib.suppress(OSError):
+        typer.echo("\n".join(map(one_line, f"oracle-server: {message}".split("\n"))), err=True)
+    try:
+        sys.stdout.flush()
+    except OSError:  # what is left of the output would be written at the end again, which changes the exit status
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 2

@@ -20,10 +20,23 @@ class Again:
         self._session = session
         self._recurring = None if session.lateness is None else Recurring(session.lateness.judge)
         self._begun = False
+        self._last = 0
+        self._waiting: set[int] = set()
+
+    def expect(self, position: int) -> None:
+        """Note a row that is to be judged. Raises `TraceError` where it has the place of another."""
+        if position <= self._last or position in self._waiting:
+            raise TraceError(
+                f"the recording has step {position} twice, or behind a later one: it is put together of several "
+                "recordings, or was changed; give each alone, or use --by to judge the recorded events afresh"
+            )
+        self._waiting.add(position)
 
     def judge(self, position: int, place: Place, step: Step) -> list[Judged]:
-        """Judge a row."""
+        """Judge a row that was expected."""
         session = self._session
+        self._last = position
+        self._waiting.discard(position)
         if place.order not in session.judges:
             raise TraceError(
                 f"the first event of the recording was judged by {''.join(session.judges)} alone, and others by "

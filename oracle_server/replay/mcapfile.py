@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.blocks import Block, decompress, in_order
-from oracle_server.replay.storage import Channel, DamagedError, Message
+from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 1, 2, 3, 4, 5, 6, 11
@@ -184,9 +184,12 @@ class McapFile:
                 break
             if kind == _MESSAGE and length >= _MESSAGE_HEAD.size:
                 channel, _, time, _ = _MESSAGE_HEAD.unpack_from(data, at)
-                self._newest = max(self._newest, time)
-                if wanted is None or channel in wanted:
-                    yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
+                if time > LATEST:
+                    self._damaged(block, f"has a message of channel {channel} at {time} ns, which is no time")
+                else:
+                    self._newest = max(self._newest, time)
+                    if wanted is None or channel in wanted:
+                        yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
             elif kind in (_SCHEMA, _CHANNEL):
                 self._note(kind, data[at : at + length])
             at += length

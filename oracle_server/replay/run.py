@@ -184,6 +184,7 @@ class Replay:
             signals, failed = _project(session, event)
             step = Step(event, signals, failed, event.stamp or event.arrived)
             for place in recorded.places:
+                again.expect(place.position)
                 heapq.heappush(waiting, (place.position, place, step))
         while waiting:
             yield again.judge(*heapq.heappop(waiting))

@@ -25,6 +25,8 @@ class Channel(NamedTuple):
     promised: int | None = None
 
 
+LATEST = 2**63 - 1
+"""The last time that there is (ns since the epoch)."""
 Message = tuple[int, int, bytes]
 """The id of a channel, the time of recording (ns since the epoch), and the message as it was sent."""
 
