@@ -21,21 +21,31 @@ NOTHING = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
 
 
 def typestore(folders: Sequence[Path]) -> Typestore:
-    """The types of ROS 2's own packages, and those of files in folders, each in `PACKAGE/msg/` or `PACKAGE/action/`.
+    """The types of files in folders, each in `PACKAGE/msg/` or `PACKAGE/action/`, and those of ROS 2's own packages.
 
-    An action has three, as `PACKAGE/msg/Name_Goal`.
-    Raises `TraceError` where a file can't be read.
+    The first folder that has a type counts: its definition is what the robot has, whatever the newest ROS 2 has. An
+    action has three, as `PACKAGE/msg/Name_Goal`. Raises `TraceError` where a file can't be read.
     """
+    own: set[str] = set()
     store = get_typestore(Stores.LATEST)
     for folder in folders:
         for path in sorted((*folder.rglob("*.msg"), *folder.rglob("*.action"))):
             try:
                 types = _types_in(path)
-                store.register({name: t for name, t in types.items() if name not in store.fielddefs})
+                _replace(store, {name: t for name, t in types.items() if name not in own})
+                own |= types.keys()
             except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed file
                 reason = one_line(str(error).strip()) or type(error).__name__
                 raise TraceError(f"{path}: can't be read as a message definition: {reason}") from None
     return store
+
+
+def _replace(store: Typestore, types: dict[str, Any]) -> None:
+    """Register types in the place of others of their names."""
+    for name in types:
+        store.fielddefs.pop(name, None)
+        store.types.pop(name, None)
+    store.register(types)
 
 
 def _types_in(path: Path) -> dict[str, Any]:
