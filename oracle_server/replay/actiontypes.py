@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from oracle_server.replay.definitions import RULE, TypesByName, event_type, never_empty
+from oracle_server.replay.definitions import RULE, TypesByName, event_type, lines_of, never_empty
 from oracle_server.replay.storage import Channel
 from oracle_server.rostypes.bagtypes import PARTS
 
@@ -66,7 +66,7 @@ def _parts(prefix: str) -> list[str]:
 
 def _defined(channel: Channel, prefix: str) -> TypesByName:
     """The goal, result and feedback of an action by its own text, which recorders write; none where that is not it."""
-    head, *others = channel.definition.split(RULE)
+    head, *others = lines_of(channel).split(RULE)
     texts = re.split(r"^---[^\S\n]*$\n?", head, flags=re.MULTILINE)
     if channel.encoding == "ros2idl" or len(texts) != len(PARTS):
         return {}

@@ -9,9 +9,9 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from oracle_server.core.errors import TraceError, one_line
+from oracle_server.core.errors import OracleError, TraceError, one_line
 from oracle_server.replay.storage import Channel
-from oracle_server.rostypes.bagtypes import NOTHING
+from oracle_server.rostypes.bagtypes import NOTHING, is_given
 
 EVENT = "_Event"
 """How the type of a service's events is named, behind the service's."""
@@ -22,16 +22,29 @@ uint8[16] client_gid
 int64 sequence_number
 """
 _TIME = "int32 sec\nuint32 nanosec\n"
+_READ = frozenset({"ros1msg", "ros2msg", "ros2idl"})
+"""The kinds of definitions that are read; what has one of another kind is known by its name alone."""
 TypesByName = dict[str, Any]
+
+
+class DefinitionError(OracleError):
+    """A definition in a recording that can't be read."""
 
 
 def types_of(channel: Channel, known: Typestore, given: TypesByName | None = None) -> Typestore:
     """The type of a channel's messages, under `type_name`, and those in it.
 
     `known` has what the channel does not define itself, and `given` are its own types where they are known already.
-    Raises `TraceError` where a type is unknown.
+    Raises `TraceError` where a type is unknown, or can't be read as the channel defines it: another of its name may be
+    laid out otherwise. A folder that was named may have it then.
     """
-    own, name = _defined(channel) if given is None else given, type_name(channel.type)
+    name = type_name(channel.type)
+    try:
+        own = _defined(channel) if given is None else given
+    except DefinitionError as error:
+        if not is_given(known, name):
+            raise TraceError(f"{channel.topic}: {error}; give the folder of its package with --types") from None
+        own = {}
     if name not in own and channel.type.endswith(EVENT):
         own |= _known_event(channel.type, known)
     elif name not in own and name in known.fielddefs:
@@ -64,13 +77,17 @@ def event_parts(name: str) -> tuple[str, str]:
 
 
 def _defined(channel: Channel) -> TypesByName:
-    """The types that a channel defines; none where its definition can't be read."""
+    """The types that a channel defines; none where its definition is of a kind that is not read.
+
+    Raises `DefinitionError` where it is of one that is, and can't be.
+    """
+    text = lines_of(channel)
     try:
         if channel.encoding == "ros2idl":
-            return _from_idl(channel.definition)
-        if not channel.definition.strip() and channel.encoding != "ros1msg":
+            return _from_idl(text)
+        if not text.strip() and channel.encoding != "ros1msg":
             return {}
-        head, *parts = channel.definition.split(RULE)
+        head, *parts = text.split(RULE)
         if channel.type.endswith(EVENT) and "/srv/" in channel.type:
             lines = head.splitlines()
             if "---" not in lines:
@@ -78,9 +95,17 @@ def _defined(channel: Channel) -> TypesByName:
             at = lines.index("---")
             halves = "\n".join(lines[:at]) + "\n", "\n".join(lines[at + 1 :]) + "\n"
             return _event(channel.type, halves, parts)
-        return dict(get_types_from_msg(channel.definition, channel.type))
-    except Exception:  # noqa: BLE001 -- the parser raises anything for a malformed definition
-        return {}
+        return dict(get_types_from_msg(text, channel.type))
+    except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed definition
+        if channel.encoding not in _READ:
+            return {}
+        reason = one_line(str(error).strip()) or type(error).__name__
+        raise DefinitionError(f"the recording's definition of {channel.type} can't be read: {reason}") from None
+
+
+def lines_of(channel: Channel) -> str:
+    """A channel's definition, whose lines may end as on Windows."""
+    return channel.definition.replace("\r\n", "\n")
 
 
 def _from_idl(text: str) -> TypesByName:

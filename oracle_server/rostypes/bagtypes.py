@@ -40,6 +40,12 @@ def typestore(folders: Sequence[Path]) -> Typestore:
     return store
 
 
+def is_given(store: Typestore, name: str) -> bool:
+    """Whether a type is there by the definition of a folder: that of ROS 2's own packages is always one object."""
+    own = store.fielddefs.get(name)
+    return own is not None and own is not get_typestore(Stores.LATEST).fielddefs.get(name)
+
+
 def _replace(store: Typestore, types: dict[str, Any]) -> None:
     """Register types in the place of others of their names."""
     for name in types:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.actiontypes import action_types
 from oracle_server.replay.definitions import type_name, types_of
 from oracle_server.replay.storage import Channel
+from oracle_server.rostypes.bagtypes import typestore
 
 KNOWN = get_typestore(Stores.LATEST)
 
@@ -30,8 +34,49 @@ def test_what_a_definition_leaves_out_is_taken_from_what_is_known() -> None:
         types_of(channel("odd_msgs/msg/Stamped", "Unknown x\n"), KNOWN)
 
 
-def test_a_definition_that_can_not_be_read_gives_way_to_what_is_known() -> None:
-    assert "std_msgs/msg/String" in types_of(channel("std_msgs/msg/String", "string [[["), KNOWN).fielddefs
+def test_a_definition_that_can_not_be_read_gives_way_to_none_of_its_name() -> None:
+    """It may be laid out otherwise: here red would be taken for what is opaque."""
+    odd = channel("std_msgs/msg/ColorRGBA", "float32 a\nfloat32 r\nfloat32 g\nfloat32 b\n%% no line\n")
+    with pytest.raises(TraceError, match="/x: the recording's definition of std_msgs/msg/ColorRGBA can't be read: "):
+        types_of(odd, KNOWN)
+
+
+def test_it_gives_way_to_that_of_a_folder_that_was_named(tmp_path: Path) -> None:
+    (tmp_path / "std_msgs" / "msg").mkdir(parents=True)
+    (tmp_path / "std_msgs" / "msg" / "ColorRGBA.msg").write_text("float32 a\nfloat32 r\nfloat32 g\nfloat32 b\n")
+    types = types_of(channel("std_msgs/msg/ColorRGBA", "%% no line\n"), typestore([tmp_path]))
+    assert [name for name, _ in types.fielddefs["std_msgs/msg/ColorRGBA"][1]] == ["a", "r", "g", "b"]
+
+
+@pytest.mark.parametrize("encoding", ["omgidl", "jsonschema", "protobuf", ""])
+def test_a_definition_of_a_kind_that_is_not_read_leaves_what_is_known(encoding: str) -> None:
+    text = "module std_msgs {\n  module msg {\n    struct String {\n      string data;\n    };\n  };\n};\n"
+    types = types_of(channel("std_msgs/msg/String", text, encoding), KNOWN)
+    assert "std_msgs/msg/String" in types.fielddefs
+
+
+@pytest.mark.parametrize("encoding", ["ros1msg", "ros2msg"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_lines_of_a_definition_end_in_either_way(encoding: str, ending: str) -> None:
+    rule = "=" * 80
+    text = f"Inner inner\nbool ok # yes\n\n{rule}\nMSG: plant_msgs/Inner\nfloat64 level\nuint8 NONE=0\n"
+    types = types_of(channel("plant_msgs/msg/Level", text.replace("\n", ending), encoding), KNOWN)
+    assert [name for name, _ in types.fielddefs["plant_msgs/msg/Level"][1]] == ["inner", "ok"]
+    assert [name for name, _ in types.fielddefs["plant_msgs/msg/Inner"][1]] == ["level"]
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_so_do_those_of_services_and_actions(ending: str) -> None:
+    service = channel("plant_msgs/srv/Fill_Event", "float64 level\n---\nbool ok\n".replace("\n", ending))
+    assert [name for name, _ in types_of(service, KNOWN).fielddefs["plant_msgs/msg/Fill_Request"][1]] == ["level"]
+    text = "float64 level\n---\nbool ok\n---\nfloat64 now\n".replace("\n", ending)
+    found = action_types(channel("plant_msgs/action/Fill_FeedbackMessage", text), KNOWN)
+    assert found is not None
+    assert [name for name, _ in found["plant_msgs/msg/Fill_Feedback"][1]] == ["now"]
+
+
+def test_a_message_of_ros_1_without_fields_needs_no_definition() -> None:
+    assert "std_msgs/msg/Empty" in types_of(channel("std_msgs/msg/Empty", "", "ros1msg"), KNOWN).fielddefs
 
 
 def test_names_of_types() -> None:
