@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.storage import Channel, Message
 
 MAGIC = b"SQLite format 3\x00"
+LOG = "-wal"
+"""What follows a database's name in that of the file with what was committed, and is not in the database yet."""
 _MESSAGES = "SELECT topic_id, timestamp, data FROM messages"
 
 
@@ -26,27 +30,43 @@ class SqliteFile:
         self._whole = _has_its_pages(path)
         if not self._whole:
             self.damages.append("ends early: pages of the database are missing")
-        self._database = self._open()
+        self._stack = ExitStack()
         try:
+            self._database = self._open()
             self.channels = self._find_channels()
         except (sqlite3.Error, UnicodeDecodeError) as error:
-            self._database.close()
+            self._stack.close()
             raise TraceError(f"{path}: can't be read as a bag in sqlite3: {error}") from None
+        except BaseException:
+            self._stack.close()
+            raise
 
     def _open(self) -> sqlite3.Connection:
         """Open the file, with what was committed but not written to it yet."""
-        log = self.path.with_name(self.path.name + "-wal")
-        logged = log.exists() and log.stat().st_size > 0
-        address = f"file:{quote(str(self.path.absolute()))}?mode=ro"
-        database = sqlite3.connect(address if logged else address + "&immutable=1", uri=True)
-        if logged:
-            try:
-                database.execute("SELECT count(*) FROM sqlite_master").fetchone()
-            except sqlite3.Error:
-                database.close()
-                self.damages.append(f"what {log.name} has can't be read")
-                database = sqlite3.connect(address + "&immutable=1", uri=True)
+        log = log_of(self.path)
+        database = None if log is None else self._with_log(log)
+        if database is None:
+            database = self._connected(self.path, "mode=ro&immutable=1")
         database.text_factory = lambda data: data.decode(errors="replace")
+        return database
+
+    def _with_log(self, log: Path) -> sqlite3.Connection | None:
+        """The database of copies, as sqlite writes beside what it opens with a log; None where that can't be read."""
+        folder = Path(self._stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
+        copies = folder / "bag.db3", folder / f"bag.db3{LOG}"
+        for source, copy in zip((self.path, log), copies, strict=True):
+            shutil.copyfile(source, copy)
+        database = self._connected(copies[0], "mode=ro")
+        try:
+            database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.Error:
+            self.damages.append(f"what {log.name} has can't be read")
+            return None
+        return database
+
+    def _connected(self, path: Path, how: str) -> sqlite3.Connection:
+        database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?{how}", uri=True)
+        self._stack.callback(database.close)
         return database
 
     def _find_channels(self) -> list[Channel]:
@@ -114,7 +134,13 @@ class SqliteFile:
 
     def close(self) -> None:
         """Close the file."""
-        self._database.close()
+        self._stack.close()
+
+
+def log_of(path: Path) -> Path | None:
+    """The file beside a database that has what is not in it yet, as where its recorder was killed. Raises OSError."""
+    log = path.with_name(path.name + LOG)
+    return log if log.is_file() and log.stat().st_size > 0 else None
 
 
 def _has_its_pages(path: Path) -> bool:

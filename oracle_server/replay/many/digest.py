@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.sqlitefile import LOG, log_of
 
 _PIECE = 2**20
 
@@ -25,12 +26,16 @@ class Extent(NamedTuple):
 
 
 def extent(recording: Path) -> Extent:
-    """The files of a recording as they are now: itself, or those of its folder. Raises `TraceError`."""
+    """The files of a recording as they are now: itself, or those of its folder. Raises `TraceError`.
+
+    Of a database that is the recording itself so is its log, where its recorder was killed.
+    """
     try:
         if recording.is_dir():
             paths = sorted(path for path in recording.iterdir() if path.is_file())
         elif recording.is_file() or not recording.exists():
-            paths = [recording]
+            log = log_of(recording)
+            paths = [recording] if log is None else [recording, log]
         else:
             raise TraceError(f"{recording}: is neither a file nor a folder")
         stats = [(path, path.stat()) for path in paths]
@@ -42,6 +47,8 @@ def extent(recording: Path) -> Extent:
 def digest(recording: Path, known: Extent) -> str:
     """The SHA-256 of a recording, in hexadecimal; of a folder that of its files' names and contents.
 
+    That of a database with a log is of both, and not of their names.
+
     Of each file as many bytes are read as it had. Raises `TraceError`.
     """
     whole = hashlib.sha256()
@@ -52,7 +59,8 @@ def digest(recording: Path, known: Extent) -> str:
             else:
                 part = hashlib.sha256()
                 _add(part, path, size)
-                whole.update(f"{part.hexdigest()} {path.name}\n".encode(errors="surrogateescape"))
+                name = LOG if path.parent == recording.parent else path.name
+                whole.update(f"{part.hexdigest()} {name}\n".encode(errors="surrogateescape"))
     except OSError as error:
         raise TraceError(f"{recording}: can't be read: {error.strerror}") from None
     return whole.hexdigest()
