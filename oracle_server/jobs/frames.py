@@ -35,7 +35,7 @@ class Started(msgspec.Struct, tag=True):
 
 
 class Rows(msgspec.Struct, tag=True):
-    """What was judged next, and how the session stands then."""
+    """What was judged next, and what it does with episodes."""
 
     steps: list[StoredStep]
     revisions: list[Revision]
@@ -59,9 +59,13 @@ class Ended(msgspec.Struct, tag=True):
 
 
 class Failed(msgspec.Struct, tag=True):
-    """It can't be judged, or not any further: why."""
+    """It can't be judged, or not any further: why, and how its session stands by the rows that were told.
+
+    `state` is None where nothing was judged, or not all of it could be told.
+    """
 
     error: str
+    state: Document | None = None
 
 
 Frame = Started | Rows | Progress | Ended | Failed

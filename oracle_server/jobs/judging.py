@@ -7,7 +7,7 @@ import resource
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -37,6 +37,8 @@ _EVERY = 0.5
 """Seconds between two frames that tell how far it has got."""
 _MOST, _LONGEST = 200, 2_000
 """Notes on a recording, and characters of one."""
+_FAILURES = (OracleError, MemoryError, OverflowError, OSError)
+"""What ends the judging of a recording, whatever is wrong with it."""
 _task = msgspec.msgpack.Decoder(Task).decode
 
 
@@ -80,28 +82,44 @@ class Rowed:
     def __init__(self, replay: Told, tell: Callable[[object], None]) -> None:
         self._replay, self._tell = replay, tell
         self._names = tuple([p.id for p in replay.spec.properties])
-        self._rows = Rows([], [], [])
-        self._position = 0
-        self._begun = False
+        self._waiting: list[Rows] = []
+        self._count = self._position = 0
+        self._begun, self._whole = False, True
 
     def take(self, judged: list[Judged]) -> None:
         """Take in what was judged together."""
         if not self._begun:
             self._begin()
-        for item in judged:
-            row = self._stored(item)
-            self._rows.steps.append(row)
-            self._rows.episodes += stored_episodes(item, self._names, row.explanations)
-            if not self._replay.revises and len(self._rows.steps) >= _TOGETHER:
+        together = self._replay.revises
+        for group in filter(None, [judged] if together else [[item] for item in judged]):
+            self._waiting.append(self._rows(group))
+            self._count += len(group)
+            if self._count >= _TOGETHER:
                 self.flush()
-        if len(self._rows.steps) >= _TOGETHER:
-            self.flush()
 
     def flush(self) -> None:
-        """Tell the rows that there are."""
-        rows, self._rows = self._rows, Rows([], [], [])
-        if rows.steps or rows.episodes:
-            self._tell(rows)
+        """Tell the rows that there are; those before one that can't be told. Raises `OverflowError` then."""
+        waiting, self._waiting, self._count = self._waiting, [], 0
+        if not waiting:
+            return
+        told, self._whole = self._whole, False
+        try:
+            self._tell(_joined(waiting))
+        except OverflowError:
+            for rows in waiting:
+                self._tell(rows)
+            raise
+        self._whole = told
+
+    def last(self) -> Document | None:
+        """Tell the rows that there are; returns how the session stands by all, None where that is not known."""
+        if not self._begun:
+            return None
+        try:
+            self.flush()
+        except (MemoryError, OverflowError):
+            return None
+        return _state(self._replay) if self._whole else None
 
     def _begin(self) -> None:
         self._begun = True
@@ -110,41 +128,66 @@ class Rowed:
         by = None if replay.spec.ordering.by == replay.asked_by else replay.spec.ordering.by
         self._tell(Started(by, next(iter(session.judges)), session.begun))
 
+    def _rows(self, group: list[Judged]) -> Rows:
+        rows = Rows([], [], [])
+        for item in group:
+            row = self._stored(item)
+            rows.steps.append(row)
+            rows.episodes += stored_episodes(item, self._names, row.explanations)
+            if isinstance(item, Revision):
+                rows.revisions.append(item)
+        return rows
+
     def _stored(self, item: Judged) -> StoredStep:
         self._position += 1
         if isinstance(item, Revision):
-            self._rows.revisions.append(item)
             return stored_revision(self._position, item)
         row = stored(self._position, 0, item, self._replay.handled(item))
         event = msgspec.structs.replace(row.step.event, data=None)
         return msgspec.structs.replace(row, step=msgspec.structs.replace(row.step, event=event))
 
 
+def _joined(rows: Sequence[Rows]) -> Rows:
+    return Rows(
+        [step for each in rows for step in each.steps],
+        [revision for each in rows for revision in each.revisions],
+        [episode for each in rows for episode in each.episodes],
+    )
+
+
 def judge(task: Task, tell: Callable[[object], None]) -> None:
     """Judge a recording, and tell its frames, `Failed` last where it can't be judged to its end."""
     try:
-        _judge(task, tell)
-    except OracleError as error:
-        tell(Failed("; ".join(_named(task, str(error).splitlines()))))
-    except MemoryError:
-        tell(Failed(f"{task.name}: it needs more than {MEMORY >> 30} GiB of memory"))
-    except OverflowError:
-        tell(Failed(f"{task.name}: it has a whole number beyond 64 bits, which can't be kept"))
-    except OSError as error:
-        tell(Failed(f"{task.name}: can't be read: {error.strerror or error}"))
-
-
-def _judge(task: Task, tell: Callable[[object], None]) -> None:
-    folders = [Path(folder) for folder in task.types]
-    known = Types(folders)
-    file = _spec(task.spec, known)
-    warnings = doubtful(file)
-    recording = open_recording(Path(task.recording), file.spec, folders)
-    shapes, _ = stream_types(file.spec, known, None)
-    replay = Told(file.spec, recording, types=shapes, warnings=warnings)
+        folders = [Path(folder) for folder in task.types]
+        known = Types(folders)
+        file = _spec(task.spec, known)
+        warnings = doubtful(file)
+        recording = open_recording(Path(task.recording), file.spec, folders)
+        shapes, _ = stream_types(file.spec, known, None)
+        replay = Told(file.spec, recording, types=shapes, warnings=warnings)
+    except _FAILURES as error:
+        tell(Failed(_why(task, error)))
+        return
     rows = Rowed(replay, tell)
     replay.tap = rows.take
-    ended = threading.Event()
+    try:
+        _judge(replay, rows, tell)
+        end = conclude(replay)
+    except _FAILURES as error:
+        tell(Failed(_why(task, error), rows.last()))
+        return
+    if end.unusable:
+        tell(Failed("; ".join(_named(task, end.unusable)), rows.last()))
+        return
+    conclusion = end.as_data() | {"ignored": sum(recording.ignored.values())}
+    for texts in ("notes", "warnings"):
+        conclusion[texts] = _named(task, conclusion[texts])
+    tell(Ended(_state(replay), conclusion))
+
+
+def _judge(replay: Told, rows: Rowed, tell: Callable[[object], None]) -> None:
+    """Judge all of it, and tell the rows, and how far it has got."""
+    recording, ended = replay.recording, threading.Event()
 
     def far() -> Progress:
         return Progress(replay.events, recording.read, recording.size)
@@ -165,15 +208,19 @@ def _judge(task: Task, tell: Callable[[object], None]) -> None:
     finally:
         ended.set()
         often.join()
-    tell(far())
-    end = conclude(replay)
-    if end.unusable:
-        tell(Failed("; ".join(_named(task, end.unusable))))
-        return
-    conclusion = end.as_data() | {"ignored": sum(recording.ignored.values())}
-    for texts in ("notes", "warnings"):
-        conclusion[texts] = _named(task, conclusion[texts])
-    tell(Ended(_state(replay), conclusion))
+        tell(far())
+
+
+def _why(task: Task, error: BaseException) -> str:
+    """Why it can't be judged to its end."""
+    if isinstance(error, OracleError):
+        return "; ".join(_named(task, str(error).splitlines()))
+    if isinstance(error, MemoryError):
+        return f"{task.name}: it needs more than {MEMORY >> 30} GiB of memory"
+    if isinstance(error, OverflowError):
+        return f"{task.name}: it has a whole number beyond 64 bits, which can't be kept"
+    assert isinstance(error, OSError)  # noqa: S101 -- as `_FAILURES` has it
+    return f"{task.name}: can't be read: {error.strerror or error}"
 
 
 def _named(task: Task, texts: Iterable[str]) -> list[str]:

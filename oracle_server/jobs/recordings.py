@@ -199,7 +199,7 @@ class _Judging:
             async for frame in frames:
                 if isinstance(frame, Ended):
                     self._one.conclusion = frame.conclusion
-                    self._tell(frame.state)
+                    self._tell(frame.state, settled=True)
                     return
                 await self._take(frame)
         raise JudgeError("the process that judges it has ended before its time")
@@ -207,6 +207,8 @@ class _Judging:
     async def _take(self, frame: Started | Rows | Progress | Failed) -> None:
         one = self._one
         if isinstance(frame, Failed):
+            if frame.state is not None:
+                self._tell(frame.state, settled=True)
             raise JudgeError(frame.error)
         if isinstance(frame, Started):
             task = one.task
@@ -230,9 +232,9 @@ class _Judging:
             raise HistoryError(f"the history is kept in memory, and takes {self._most_rows} steps of a recording")
         await session.keep(rows.steps, rows.revisions, rows.episodes)
 
-    def _tell(self, state: Document) -> None:
+    def _tell(self, state: Document, *, settled: bool = False) -> None:
         if self._session is not None:
-            self._session.tell(state | self._one.document)
+            self._session.tell(state | self._one.document, settled=settled)
 
     async def close(self) -> None:
         """Close the session, if there is one, as what has become of it."""

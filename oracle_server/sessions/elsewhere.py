@@ -8,7 +8,8 @@ from __future__ import annotations
 from oracle_server.core.errors import OracleError
 from oracle_server.history.origins import origin_of, own_name
 from oracle_server.history.port import History
-from oracle_server.history.records import Document, Elsewhere, OtherSession, PropertyStands
+from oracle_server.history.records import Document, Elsewhere, OtherSession
+from oracle_server.sessions.committed import property_state
 from oracle_server.sessions.unrestored import bare
 from oracle_server.wire.errors import WireError
 
@@ -72,31 +73,13 @@ def _state(other: OtherSession) -> Document:
         "node": (place.node or None) if origin is None else None,
         "trouble": trouble,
         "monitors": [_monitor(name, attached, name in there) for name, attached, _ in other.monitors],
-        "properties": [_property(stands, record.decides) for stands in other.properties],
+        "properties": [property_state(stands, record.decides) for stands in other.properties],
         "counters": bare(record)["counters"] | {"steps": other.steps},
     }
 
 
 def _monitor(name: str, attached: bool, connected: bool) -> Document:
     return {"name": name, "attached": attached, "connected": connected, "next": None, "credit": None, "streams": []}
-
-
-def _property(stands: PropertyStands, order: str) -> Document:
-    return {
-        "id": stands.property,
-        "order": order,
-        "outcome": stands.outcome.value,
-        "first_violation": stands.first_violation,
-        "first_violation_step": None,
-        "first_violation_at": None,
-        "violations": stands.violations,
-        "pending": stands.pending,
-        "unknown": 0,
-        "broken": None,
-        "complaint": None,
-        "caveats": [],
-        "robustness": None,
-    }
 
 
 def _forwarded(name: str) -> str:

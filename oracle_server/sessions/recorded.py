@@ -9,12 +9,13 @@ from functools import partial
 
 import structlog
 
-from oracle_server.core.errors import HistoryError
+from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.core.revisions import Revision
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.port import History
 from oracle_server.history.records import Document, SessionRecord, StoredStep
 from oracle_server.sessions.commits import Commits
+from oracle_server.sessions.committed import committed
 from oracle_server.sessions.endings import end_of
 from oracle_server.sessions.shares import Share
 from oracle_server.sessions.unrestored import bare
@@ -34,6 +35,7 @@ class RecordedSession:
         self.commits, self._closed = Commits(), asyncio.Event()
         self._history = history
         self._told: Document = {}
+        self._settled = False
         history.open_session(record)
         log.info("session of a recording opened", session=record.id, spec=record.spec)
 
@@ -42,9 +44,13 @@ class RecordedSession:
         """How it stands."""
         return bare(self.record) | self._told
 
-    def tell(self, told: Document) -> None:
-        """Take in what is known of the state, in place of what was known of it before."""
+    def tell(self, told: Document, *, settled: bool = False) -> None:
+        """Take in what is known of the state, in place of what was known before it.
+
+        `settled`: so it stands by all that is kept, and nothing more of that follows.
+        """
         self._told |= told
+        self._settled = self._settled or settled
 
     async def keep(
         self, steps: Sequence[StoredStep], revisions: Sequence[Revision], episodes: Sequence[StoredEpisode]
@@ -65,8 +71,16 @@ class RecordedSession:
             raise HistoryError(f"what was judged can't be kept: {trouble}")
 
     async def close(self, now: int, because: str, *, complete: bool) -> None:
-        """Keep that the session is over, and how it stands. One that is not complete says so as its trouble."""
-        state = self.state | end_of(now, because) | {"continued_by": None, "clock_went_back": False}
+        """Keep that the session is over, and how it stands. One that is not complete says so as its trouble.
+
+        Unless what was told is settled, it stands by what is committed.
+        """
+        state = self.state
+        if not self._settled:
+            await self._history.flush()
+            with contextlib.suppress(UnansweredError):
+                state |= await _by_rows(self._history, self.record, state)
+        state |= end_of(now, because) | {"continued_by": None, "clock_went_back": False}
         if not complete:
             state["trouble"] = f"incomplete: {because}"
         committed = asyncio.get_running_loop().create_future()
@@ -86,13 +100,27 @@ class RecordedSession:
         return self._closed.is_set()
 
 
-def cut_off(record: SessionRecord, history: History, now: int) -> None:
-    """Close a session whose recording was being judged when the server ended."""
-    state = bare(record) | end_of(now, _CUT_OFF) | {
-        "trouble": f"incomplete: {_CUT_OFF}", "continued_by": None, "clock_went_back": False,
-    }  # fmt: skip
+async def cut_off(record: SessionRecord, history: History, now: int) -> None:
+    """Close a session whose recording was being judged when the server ended, as it stands by what is committed.
+
+    Raises `UnansweredError`.
+    """
+    state = bare(record)
+    state |= await _by_rows(history, record, state) | end_of(now, _CUT_OFF)
+    state |= {"trouble": f"incomplete: {_CUT_OFF}", "continued_by": None, "clock_went_back": False}
     history.close_session(record.number, now, state)
     log.warning("a recording was judged in part only", session=record.id)
+
+
+async def _by_rows(history: History, record: SessionRecord, told: Document) -> Document:
+    """What the rows tell of its state; nothing where they can't be read. Raises `UnansweredError`."""
+    try:
+        return await committed(history, record, told)
+    except UnansweredError:
+        raise
+    except HistoryError as error:
+        log.warning("how a recording was judged can't be read", session=record.id, reason=str(error))
+        return {}
 
 
 def _set(committed: asyncio.Future[None]) -> None:

@@ -40,7 +40,7 @@ class Restoring:
         plans = Plans(await self._library.in_thread(self._library.listed))
         for opened in sessions:
             if opened.kind == "recording":
-                cut_off(opened, self._history, self._clock.now())
+                await cut_off(opened, self._history, self._clock.now())
                 continue
             try:
                 await self._restore(opened, await asyncio.to_thread(plans.of, opened))

@@ -90,6 +90,22 @@ async def held_against_replay(server: Server, spec: Path, path: Path) -> None:
         assert {key: prop[key] for key in theirs} == theirs
 
 
+async def stands_by_its_records(server: Server, session: str) -> None:
+    """The state of a session that is over tells of the records that are kept of it, and of violations among them."""
+    records, state = server.records(session), server.get(f"sessions/{session}")
+    broken = [record for record in records if record["violation"]]
+    (prop,) = state["properties"]
+    assert broken
+    assert (prop["violations"], prop["outcome"]) == (len(broken), records[-1]["outcome"])
+    assert (prop["first_violation"], prop["first_violation_step"]) == (broken[0]["n"], broken[0]["step"])
+    assert prop["first_violation_at"] == broken[0]["stamp"]
+    assert state["counters"]["steps"] == len(records)
+    episodes = server.records(session, "episodes")
+    assert sum(episode["count"] for episode in episodes) == len(broken)
+    (listed,) = [one for one in server.get("sessions", brief=True)["items"] if one["id"] == session]
+    assert (listed["violations"], listed["steps"], listed["outcome"]) == (len(broken), len(records), prop["outcome"])
+
+
 BAGS: dict[str, Callable[[Path], Path]] = {
     "bag": lambda folder: write_ros1(folder / "pump.bag", ROUNDS),
     "db3": lambda folder: next(write_ros2(folder / "pump", StoragePlugin.SQLITE3, ROUNDS).glob("*.db3")),
@@ -216,6 +232,16 @@ async def test_what_grows_when_it_is_unpacked_has_an_end(start: Starts, tmp_path
     assert list((server.data / "recordings").iterdir()) == []
 
 
+async def test_what_was_judged_before_the_damage_is_kept(server: Server, session: str, tmp_path: Path) -> None:
+    path = log(tmp_path / "log.jsonl", 30)
+    with path.open("a", encoding="utf-8") as file:
+        file.write('{"stream": garbage\n')
+    one = await judged(server, path, "single", state="failed", session=session)
+    assert one["error"].startswith("log.jsonl:31")
+    assert len(server.records(session)) == 30
+    await stands_by_its_records(server, session)
+
+
 async def test_others_are_decided_on_while_a_recording_is_judged(
     server: Server, bystander: None, tmp_path: Path
 ) -> None:
@@ -227,6 +253,7 @@ async def test_a_recording_is_cancelled_and_its_session_says_so(server: Server, 
     sent = send(server, path, "single", session=session)
     where = f"recordings/{sent['id']}"
     await server.until(lambda: server.get(where), lambda one: one["session"] is not None)
+    await server.until(lambda: server.get(f"sessions/{session}/violations")["items"], len)
     assert problem(server.http.post("/api/v1/recordings", params={"spec": "single"}, content=b"{}"), 429)
     assert server.get(f"sessions/{session}")["status"] == "open"
     gone = server.http.delete(f"/api/v1/{where}").json()
@@ -234,6 +261,7 @@ async def test_a_recording_is_cancelled_and_its_session_says_so(server: Server, 
     state = server.get(f"sessions/{session}")
     assert (state["status"], state["trouble"]) == ("closed", "incomplete: it was cancelled")
     assert len(server.records(session)) < 20_000
+    await stands_by_its_records(server, session)
     assert (await judged(server, log(tmp_path / "next.jsonl"), "single"))["events"] == 100
 
 
@@ -252,13 +280,14 @@ async def test_what_a_server_did_not_judge_to_its_end_is_never_complete(
     server = start()
     sent = send(server, log(tmp_path / "log.jsonl", 60_000), "single", session="cut")
     await server.until(lambda: server.get(f"recordings/{sent['id']}"), lambda one: one["events"])
-    await server.until(lambda: server.get("sessions/cut/verdicts", limit=1)["items"], len)
+    await server.until(lambda: server.get("sessions/cut/violations", limit=1)["items"], len)
     server.stop(number)
     server = start()
     state = server.get("sessions/cut")
     assert state["status"] == "closed"
     assert state["trouble"].startswith("incomplete: the server ")
     assert 0 < len(server.records("cut")) < 60_000
+    await stands_by_its_records(server, "cut")
     assert not (server.data / "recordings").exists()
     assert server.get("recordings")["items"] == []
     assert (await judged(server, log(tmp_path / "next.jsonl"), "single"))["exit"] == 1
@@ -270,11 +299,13 @@ async def test_a_process_that_is_killed_leaves_no_complete_session(
     sent = send(server, log(tmp_path / "log.jsonl", 20_000), "single", session=session)
     where = f"recordings/{sent['id']}"
     await server.until(lambda: server.get(where), lambda one: one["session"] is not None)
+    await server.until(lambda: server.get(f"sessions/{session}/violations")["items"], len)
     for process in children(server, "oracle_server.jobs.judging"):
         os.kill(process, signal.SIGKILL)
     one = await server.until(lambda: server.get(where), lambda one: one["state"] in OVER)
     assert (one["state"], one["error"]) == ("failed", "the process that judges it has ended before its time")
     assert server.get(f"sessions/{session}")["trouble"] == f"incomplete: {one['error']}"
+    await stands_by_its_records(server, session)
 
 
 async def test_a_monitor_can_not_attach_to_it(server: Server, session: str, tmp_path: Path) -> None:

@@ -1,0 +1,101 @@
+"""How a session stands by what is committed of it, where nobody can tell any more who has judged it."""
+
+from __future__ import annotations
+
+from oracle_server.core.events import Order
+from oracle_server.core.verdicts import Outcome
+from oracle_server.history.episodes import Cursor, EpisodeQuery
+from oracle_server.history.port import History
+from oracle_server.history.records import Document, PropertyStands, SessionRecord, StoredStep
+from oracle_server.history.views import said
+
+_PAGE = 1_000
+"""Rows, or episodes, that are read at once."""
+_BACK = 20
+"""So many such pages are searched for the last row of each order: one is ahead of the other by what is held."""
+_Violations = dict[tuple[str, Order], tuple[int, int]]
+
+
+async def committed(history: History, record: SessionRecord, told: Document) -> Document:
+    """What the rows tell of a session's state: `properties`, and the `steps` of `counters`; the rest as it was `told`.
+
+    Raises `HistoryError`.
+    """
+    rows, violations = await _last_rows(history, record), await _violations(history, record.number)
+    before = {(row["id"], row["order"]): row for row in told["properties"]}
+    properties = []
+    for order in [record.decides, *(order for order in rows if order != record.decides)]:
+        for i, name in enumerate(record.properties):
+            known = before.get((name, order), {"unknown": None})
+            stands = _stands(name, rows.get(order), i, *violations.get((name, order), (0, None)))
+            if stands.first_violation != known.get("first_violation"):
+                known = known | await _place(history, record, stands.first_violation)
+            properties.append(property_state(stands, order) | known | _told(stands))
+    steps = max((row.number or 0 for row in rows.values()), default=0)
+    return {"properties": properties, "counters": told["counters"] | {"steps": steps}}
+
+
+def property_state(stands: PropertyStands, order: Order) -> Document:
+    """What a state has of a property in an order; what only its judge knows is None, 0 or empty."""
+    return {
+        "id": stands.property,
+        "order": order,
+        "first_violation_step": None,
+        "first_violation_at": None,
+        "unknown": 0,
+        "broken": None,
+        "complaint": None,
+        "caveats": [],
+        "robustness": None,
+    } | _told(stands)
+
+
+def _told(stands: PropertyStands) -> Document:
+    return {
+        "outcome": stands.outcome.value,
+        "first_violation": stands.first_violation,
+        "violations": stands.violations,
+        "pending": stands.pending,
+    }
+
+
+def _stands(name: str, row: StoredStep | None, index: int, count: int, first: int | None) -> PropertyStands:
+    outcome = None if row is None else said(row, "standing").outcomes[index]
+    pending = None if row is None else row.pending.get(index)
+    return PropertyStands(name, outcome or Outcome.UNKNOWN, count, first, pending)
+
+
+async def _last_rows(history: History, record: SessionRecord) -> dict[Order, StoredStep]:
+    """The last row of each order that tells how properties stand: none that was skipped, taken back or retracted."""
+    found: dict[Order, StoredStep] = {}
+    first, last = await history.extent(record.number)
+    for upto in range(last, max(first - 1, last - _BACK * _PAGE), -_PAGE):
+        rows = [row async for page in history.steps(record.number, max(0, upto - _PAGE), upto) for row in page]
+        for row in reversed(rows):
+            stands = row.revision is None and any(said(row, "standing").outcomes)
+            if stands and (row.is_tick or row.number is not None):
+                found.setdefault(row.order, row)
+        if len(found) == 2:
+            break
+    return found
+
+
+async def _violations(history: History, number: int) -> _Violations:
+    """How many violations each property has in each order, and the first one's number, by its episodes."""
+    found: _Violations = {}
+    after: Cursor | None = None
+    while True:
+        page, after = await history.episodes(EpisodeQuery(session=number, after=after, limit=_PAGE))
+        for each in page:
+            key = each["property"], each["order"]
+            count, first = found.get(key, (0, each["first"]))
+            found[key] = count + each["count"], min(first, each["first"])
+        if after is None:
+            return found
+
+
+async def _place(history: History, record: SessionRecord, first: int | None) -> Document:
+    """Where the first violation was."""
+    row = None if first is None else await history.step(record.number, (first - 1) // len(record.properties) + 1)
+    number, stamp = (None, None) if row is None else (row.number, row.step.stamp)
+    return {"first_violation_step": number, "first_violation_at": stamp}

@@ -1,0 +1,100 @@
+"""What the process that judges a recording tells of it where it does not come to its end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from oracle_server.jobs.frames import Ended, Failed, Rows, Task
+from oracle_server.jobs.judging import judge
+
+SPEC = """
+id: small
+{ordering}
+streams: [{{topic: /a, signals: {{v: msg.v}}}}]
+properties: [{{id: a_is_small, formula: '{{topic: "/a"}} -> {{v < 10}}'}}]
+"""
+TWO = """
+id: two
+streams: [{topic: /a, signals: {v: msg.v}}, {topic: /b, type: std_msgs/msg/Float64, signals: {w: msg.data}}]
+properties:
+  - {id: a_is_small, formula: '{topic: "/a"} -> {v < 10}'}
+  - {id: b_is_small, formula: '{topic: "/b"} -> {w < 10}'}
+"""
+AT = 10**18
+
+
+def line(i: int, v: Any) -> str:
+    at = AT + i * 10**6
+    return json.dumps({"stream": "/a", "stamp": at, "arrived": at, "data": {"v": v}})
+
+
+def frames(folder: Path, lines: list[str], ordering: str = "") -> list[Any]:
+    path, told = folder / "log.jsonl", list[Any]()
+    path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
+    judge(Task(str(path), path.name, SPEC.format(ordering=ordering), [], 10**9), told.append)
+    return told
+
+
+@pytest.mark.parametrize("ordering", ["ordering: {by: arrival}", "ordering: {late: revise, horizon: 1s}"])
+@pytest.mark.parametrize("count", [31, 64, 100])
+def test_what_was_judged_before_a_bad_line_is_told_and_how_it_stands_then(
+    count: int, ordering: str, tmp_path: Path
+) -> None:
+    told = frames(tmp_path, [*(line(i, 99 if i == count else 1) for i in range(1, count + 1)), "{garbage"], ordering)
+    rows = [frame for frame in told if isinstance(frame, Rows)]
+    steps = [step for frame in rows for step in frame.steps]
+    assert [step.position for step in steps] == [*range(1, len(steps) + 1)]
+    assert not any(isinstance(frame, Ended) for frame in told)
+    failed = told[-1]
+    assert isinstance(failed, Failed)
+    assert "log.jsonl:" in failed.error
+    assert failed.state is not None
+    (prop,) = failed.state["properties"]
+    kept = [step for step in steps if step.explanations]
+    assert prop["violations"] == len(kept) == sum(each.episode.count for frame in rows for each in frame.episodes)
+    assert failed.state["counters"]["steps"] == len(steps)
+    if "arrival" in ordering:
+        assert (len(steps), prop["violations"], prop["outcome"]) == (count, 1, "currently_false")
+
+
+def test_what_was_judged_is_told_where_a_stream_can_not_be_used(tmp_path: Path) -> None:
+    path, told = tmp_path / "log.jsonl", list[Any]()
+    lines = [line(i, 99 if i == 20 else 1) for i in range(1, 30)]
+    lines += [line(i, 1).replace("/a", "/b").replace('"v"', '"x"') for i in range(30, 40)]
+    path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
+    judge(Task(str(path), path.name, TWO, [], 10**9), told.append)
+    failed = told[-1]
+    assert isinstance(failed, Failed)
+    assert failed.state is not None
+    told_of = {prop["id"]: prop["violations"] for prop in failed.state["properties"]}
+    rows = [frame for frame in told if isinstance(frame, Rows)]
+    episodes = {each.property: each.episode.count for frame in rows for each in frame.episodes}
+    assert told_of == episodes == {"a_is_small": 1, "b_is_small": 1}
+    assert failed.state["counters"]["steps"] == sum(len(frame.steps) for frame in rows) == 39
+
+
+def test_what_can_not_be_told_costs_nothing_of_what_was_judged_before(tmp_path: Path) -> None:
+    """A row that no frame can hold: those before it are told, and the state does not claim to be that of all rows."""
+    path, rows = tmp_path / "log.jsonl", list[Any]()
+    lines = [line(i, 99 if i == 20 else 1) for i in range(1, 40)]
+    path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
+    ended: list[Failed] = []
+
+    def tell(frame: object) -> None:
+        if isinstance(frame, Rows):
+            if any(step.position == 30 for step in frame.steps):
+                raise OverflowError
+            rows.extend(frame.steps)
+        elif isinstance(frame, Failed):
+            ended.append(frame)
+
+    judge(Task(str(path), path.name, SPEC.format(ordering=""), [], 10**9), tell)
+    assert [step.position for step in rows] == [*range(1, 30)]
+    assert any(step.explanations for step in rows)
+    (failed,) = ended
+    assert failed.state is None
+    assert "beyond 64 bits" in failed.error
