@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import socket
+import sys
 from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Protocol, cast
@@ -22,6 +24,9 @@ from oracle_server.edge.visitors import REQUEST_WITHIN, Visitor, Visitors
 
 READ_WITHIN = 10.0
 """Seconds for which a client may read nothing although data waits for it."""
+_LOOK_EVERY = READ_WITHIN / 10
+_ACKED = slice(120, 128)
+"""Where `bytes_acked` stands in Linux's `tcp_info`."""
 _CLOSE_WITHIN = 5.0
 """Seconds for which a closed WebSocket may have unsent data."""
 VISITOR = "oracle.visitor"
@@ -68,9 +73,10 @@ class HttpTransport(H11Protocol):
         super().handle_websocket_upgrade(event)
 
     def pause_writing(self) -> None:
-        """Give the client `READ_WITHIN` to read the waiting data."""
+        """Look from now on whether the client reads the waiting data."""
         super().pause_writing()
-        self._read_timer = self.loop.call_later(READ_WITHIN, self.transport.abort)
+        self._stop_read_timer()
+        self._look(None, 0.0)
 
     def resume_writing(self) -> None:
         """Stop the timer: the client reads again."""
@@ -82,6 +88,27 @@ class HttpTransport(H11Protocol):
         self._stop_request_timer()
         self._stop_read_timer()
         super().connection_lost(exc)
+
+    def _look(self, before: tuple[int, int] | None, since: float) -> None:
+        """Abort where the client has read nothing for `READ_WITHIN`; what it had taken `before` it had `since` then."""
+        now, taken = self.loop.time(), (self.transport.get_write_buffer_size(), self._acked())
+        if taken != before:
+            since = now
+        elif now - since >= READ_WITHIN:
+            self.transport.abort()
+            return
+        self._read_timer = self.loop.call_later(_LOOK_EVERY, self._look, taken, since)
+
+    def _acked(self) -> int:
+        """Bytes that the client's system has received, 0 where this one does not tell: then what waits here shrinks.
+
+        What waits here does so by leaps only, each as large as the system's buffers.
+        """
+        try:
+            told = self.transport.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _ACKED.stop)
+        except (AttributeError, OSError):
+            return 0
+        return int.from_bytes(told[_ACKED], sys.byteorder)
 
     def _stop_read_timer(self) -> None:
         if self._read_timer is not None:
