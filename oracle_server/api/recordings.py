@@ -16,7 +16,7 @@ from oracle_server.edge.scopes import needs
 from oracle_server.jobs.checking import CrowdedError
 from oracle_server.jobs.recordings import Recording, Recordings
 from oracle_server.jobs.uploads import FullError, TooLargeError
-from oracle_server.sessions.opening import SessionExistsError
+from oracle_server.sessions.opening import SessionExistsError, SessionNameError
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.incoming import Identifier
@@ -25,7 +25,7 @@ PATH = "/api/v1/recordings"
 _ENDED_WITHIN = 10.0
 """Seconds that who cancels waits for the end."""
 _STATUSES: dict[type[Exception], int] = {
-    SessionExistsError: 409, TooLargeError: 413, CrowdedError: 429, FullError: 507
+    SessionExistsError: 409, SessionNameError: 422, TooLargeError: 413, CrowdedError: 429, FullError: 507
 }  # fmt: skip
 """What tells a client why its recording is not taken."""
 

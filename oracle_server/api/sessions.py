@@ -16,7 +16,7 @@ from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
 from oracle_server.sessions.elsewhere import OtherServerError
-from oracle_server.sessions.opening import SessionExistsError
+from oracle_server.sessions.opening import SessionExistsError, SessionNameError
 from oracle_server.sessions.registry import Registry, SessionStaysOpenError
 from oracle_server.sessions.summary import brief
 from oracle_server.specfiles.library import UnknownSpecError
@@ -68,8 +68,8 @@ def router(registry: Registry, history: History) -> APIRouter:
             session = await registry.create(wanted.spec, wanted.id)
         except UnknownSpecError as error:
             unknown_spec(request, error)
-        except SessionExistsError as error:
-            raise HTTPException(409, str(error)) from None
+        except (SessionExistsError, SessionNameError) as error:
+            raise HTTPException(409 if isinstance(error, SessionExistsError) else 422, str(error)) from None
         try:
             async with asyncio.timeout(_COMMIT_WITHIN):
                 await history.flush()

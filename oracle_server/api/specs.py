@@ -14,6 +14,7 @@ from oracle_server.api.packing import packed_answer
 from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
+from oracle_server.core.spec import UNREACHABLE
 from oracle_server.core.thresholds import thresholds
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.problems import unsound
@@ -138,6 +139,8 @@ def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
         none yet; else 412.
         """
         demand(request, spec=spec_id)
+        if spec_id in UNREACHABLE:
+            raise HTTPException(422, f"no spec can be called '{spec_id}', which paths leave out; take another name")
         expected = _expected(if_match, if_none_match)
         text = await text_of(request)
         try:

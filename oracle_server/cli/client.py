@@ -9,10 +9,12 @@ import ssl
 import time
 from collections.abc import Iterable, Iterator
 from typing import Any
+from urllib.parse import quote
 
 import httpx
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.spec import UNREACHABLE
 
 _WITHIN = 10.0
 _SILENT = 60.0
@@ -26,6 +28,16 @@ _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
 
 class ServerUnreachableError(OracleError):
     """A server that does not answer, or answers with an error."""
+
+
+def of_session(name: str, *more: str) -> str:
+    """The path of a session, or of what there is of it. Raises `ServerUnreachableError` where the name is empty."""
+    if not name:
+        raise ServerUnreachableError("'' names no session; `oracle-server sessions` lists all")
+    quoted = quote(name, safe="")
+    if name in UNREACHABLE:  # as an older server may have them: so a path does not leave them out
+        quoted = quoted.replace(".", "%2E")
+    return "/".join(("sessions", quoted, *more))
 
 
 class Client:

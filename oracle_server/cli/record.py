@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import cast
 
-from oracle_server.cli.client import Client
+from oracle_server.cli.client import Client, of_session
 from oracle_server.core.episode import EpisodeRecord
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import GAP
@@ -24,7 +24,7 @@ def record_session(client: Client, session: str, out: Path) -> None:
     if out.suffix not in (".mcap", ".jsonl"):
         raise TraceError(f"{out}: name it .mcap or .jsonl")
     with progress(f"{session} to {out.name}", "lines") as show:
-        lines = _told(client.lines(f"sessions/{session}/trace"), show)
+        lines = _told(client.lines(of_session(session, "trace")), show)
         count = _write(client, session, lines, out)
     sys.stdout.write(f"{out}: {counted(count, 'line')} of {session}\n")
 
@@ -40,7 +40,7 @@ def _write(client: Client, session: str, lines: Iterator[bytes], out: Path) -> i
     try:
         part.touch()  # where that can't be, nothing is asked for
         if out.suffix == ".mcap":
-            state, of = client.get(f"sessions/{session}"), f"sessions/{session}"
+            state, of = client.get(of_session(session)), of_session(session)
             beside = Beside(
                 lambda: client.lines(f"{of}/changes"),
                 lambda: cast("list[EpisodeRecord]", client.pages(f"{of}/episodes")),

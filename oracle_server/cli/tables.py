@@ -7,9 +7,8 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
-from urllib.parse import quote
 
-from oracle_server.cli.client import Client
+from oracle_server.cli.client import Client, of_session
 from oracle_server.cli.marks import record_marks, violation_text
 from oracle_server.cli.reasons import explanation_text
 from oracle_server.core.errors import one_line
@@ -53,7 +52,7 @@ def show_sessions(client: Client, origin: str | None = None, *, as_json: bool) -
 
 def show_closed(client: Client, session: str, *, as_json: bool) -> None:
     """Close a session, and print how it ended."""
-    state = client.delete(f"sessions/{quote(session, safe='')}", _CLOSED_WITHIN)
+    state = client.delete(of_session(session), _CLOSED_WITHIN)
     show({"items": [state]}, SESSIONS, [session_row(state)], as_json=as_json)
 
 
@@ -62,17 +61,17 @@ def show_verdicts(
 ) -> None:
     """Print a session's verdict records in a view, or a summary of its properties and all violations as tables."""
     if as_json or properties or outcomes:
-        items = client.pages(f"sessions/{session}/verdicts", property=properties, outcome=outcomes, **{"as": view})
+        items = client.pages(of_session(session, "verdicts"), property=properties, outcome=outcomes, **{"as": view})
         _show_records(items, as_json=as_json)
         return
-    state = client.get(f"sessions/{session}")
+    state = client.get(of_session(session))
     columns = {"property": "id", "outcome": "outcome"} | {name: name for name in _measured(state["properties"])}
     columns |= {"violations": "violations", "first at": "first at", "unknown": "unknown"}
     now = time.time_ns()
     rows = [_row(p | {"first at": first_name(p, now)}, tuple(columns.values())) for p in state["properties"]]
     show(state, tuple(columns), rows, as_json=False)
     _show_caveats(state)
-    violations = client.pages(f"sessions/{session}/violations", **{"as": view})
+    violations = client.pages(of_session(session, "violations"), **{"as": view})
     if violations:
         sys.stdout.write("\n")
         _show_records(violations, as_json=False)
@@ -83,7 +82,7 @@ def follow_verdicts(
     client: Client, session: str, properties: list[str], outcomes: list[str], view: str = "standing", *, as_json: bool
 ) -> None:
     """Print a session's verdict records in a view, one a line, until the session ends."""
-    for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes, **{"as": view}):
+    for record in client.events(of_session(session, "stream"), property=properties, outcome=outcomes, **{"as": view}):
         keys = (*_RECORD, *_measured([record]))
         cells = _record_row(record, keys)
         line = json.dumps(record) if as_json else one_line("  ".join(cell for cell in cells if cell))
@@ -94,11 +93,11 @@ def follow_verdicts(
 def show_explanation(client: Client, session: str, n: int, view: str = "standing", *, as_json: bool) -> None:
     """Print the explanation of a verdict, as it stands or was said at first."""
     with progress(f"judging again what came before verdict {n}"):
-        record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN, **{"as": view})
+        record = client.get(of_session(session, "verdicts", str(n), "explanation"), _EXPLAINED_WITHIN, **{"as": view})
     if as_json:
         sys.stdout.write(json.dumps(record) + "\n")
     else:
-        simulated = bool(record.get("waited")) and client.get(f"sessions/{session}")["clock"] == "sim"
+        simulated = bool(record.get("waited")) and client.get(of_session(session))["clock"] == "sim"
         sys.stdout.write(explanation_text(record, simulated=simulated))
 
 

@@ -17,6 +17,8 @@ from oracle_server.core.stamps import Stamp
 
 IDENTIFIER = r"^[A-Za-z0-9_.-]{1,64}$"
 """What specs, properties, sessions and tokens may be called."""
+UNREACHABLE = (".", "..")
+"""What no new spec or session may be called: clients leave these out of paths."""
 SECOND = 10**9
 HORIZON = 2 * SECOND
 GAP = SECOND

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 from oracle_server.core.errors import HistoryError, OracleError
 from oracle_server.core.events import Order
-from oracle_server.core.spec import By
+from oracle_server.core.spec import UNREACHABLE, By
 from oracle_server.history.port import History
 from oracle_server.history.records import Kind, SessionRecord
 from oracle_server.process.clock import Clock
-from oracle_server.specfiles.library import Entry
+from oracle_server.specfiles.library import Entry, UnknownSpecError
+from oracle_server.wire.errors import WireError
 
 _UNWRITTEN = 1_000
 """Rows that may wait for a history that fails before no more sessions are opened: each retry of a monitor opens one."""
@@ -25,12 +26,22 @@ class SessionExistsError(OracleError):
     """A session of that name exists already."""
 
 
+class SessionNameError(OracleError):
+    """A name that no session may be given."""
+
+
 class Begun(NamedTuple):
     """How a session begins: the order asked for instead of its spec's, that which decides, and when (ns, its own)."""
 
     by: By | None
     decides: Order
     at: int | None = None
+
+
+def unopened(error: OracleError) -> WireError:
+    """What a monitor is told whose session can't be opened."""
+    code = {UnknownSpecError: "unknown_spec", SessionNameError: "bad_attach"}.get(type(error), "bad_spec")
+    return WireError(code, str(error), fatal=True)
 
 
 class Records:
@@ -53,9 +64,11 @@ class Records:
             self._noted = None
 
     async def demand_free(self, name: str | None) -> None:
-        """Raise `SessionExistsError` where a session has a name already."""
+        """Raise `SessionExistsError` where a session has a name already, `SessionNameError` where none may have it."""
         if name is not None and await self._known(name) is not None:
             raise SessionExistsError(f"a session '{name}' exists already")
+        if name in UNREACHABLE:
+            raise SessionNameError(f"no session can be called '{name}', which paths leave out; take another name")
 
     async def new_name(self, spec_id: str) -> str:
         """A name that no session has, even where many are opened within a second."""

@@ -28,7 +28,7 @@ from oracle_server.sessions.elsewhere import Others
 from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
-from oracle_server.sessions.opening import Begun, Records, SessionExistsError
+from oracle_server.sessions.opening import Begun, Records, SessionExistsError, SessionNameError, unopened
 from oracle_server.sessions.recorded import RecordedSession
 from oracle_server.sessions.restoring import Restoring
 from oracle_server.sessions.shares import Shares
@@ -130,8 +130,8 @@ class Registry:
     ) -> LiveSession:
         """Open a new session; `by` overrides the order that its spec asks for.
 
-        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, `HistoryError` where the history fails, and
-        `WireError` where the server stops.
+        Raises `UnknownSpecError`, `SpecError`, `SessionExistsError` or `SessionNameError`, `HistoryError` where the
+        history fails, and `WireError` where the server stops.
         """
         with contextlib.suppress(OracleError):  # told below; others are not kept waiting while a changed file is read
             await self._library.find(spec_id)
@@ -305,10 +305,8 @@ class Registry:
             return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
         except SessionExistsError:
             return await self._session_for(wanted)
-        except UnknownSpecError as error:
-            raise WireError("unknown_spec", str(error), fatal=True) from None
-        except SpecError as error:
-            raise WireError("bad_spec", str(error), fatal=True) from None
+        except (UnknownSpecError, SpecError, SessionNameError) as error:
+            raise unopened(error) from None
 
     async def _joined(self, name: str, instance: str) -> LiveSession | None:
         """The open session of a name that a process wants to join, None where it is a new name.
