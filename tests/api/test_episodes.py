@@ -96,6 +96,28 @@ async def test_a_bound_token_sees_its_own_alone(
     assert (await httpx_without(filled)).status_code == 401
 
 
+async def test_a_bound_token_sees_the_runs_in_which_its_session_goes_on(asked: Asked, tmp_path: Path) -> None:
+    asked.registry._library.put("guard", GUARD)
+    long = "x" * 64
+    mine, others = (
+        ["s", "s.run2", "s.run13", long, f"{long[:59]}.run2"],
+        ["s.runner", "s.run2x", "t.run2", "s.run2.run3"],
+    )
+    for name in mine + others:
+        live, monitor = await asked.registry.attach(attach(name, "guard"), Kept())
+        live.ingest(monitor, event(1, speed=FAST))
+        live.ledger.write()
+    await asked.registry._history.flush()
+    headers = {"Authorization": f"Bearer {await asyncio.to_thread(_token, tmp_path, {'sessions': ['s', long]})}"}
+    asked.guarded._tokens.refreshed()
+
+    async def seen(path: str) -> set[str]:
+        found = (await asked.http.get(f"/api/v1/{path}", headers=headers)).json()["items"]
+        return {one.get("session") or one["id"] for one in found}
+
+    assert await seen("episodes") == await seen("sessions") == set(mine)
+
+
 def _token(folder: Path, bound: dict[str, list[str]]) -> str:
     return add(folder / "no tokens", "reader", ["read"], **bound)
 
