@@ -8,6 +8,7 @@ from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
 from oracle_server.edge.access import demand, grant_of
+from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
@@ -55,6 +56,17 @@ async def visible_specs(connection: HTTPConnection, registry: Registry) -> froze
 def unknown_spec(connection: HTTPConnection, error: UnknownSpecError) -> NoReturn:
     """Raise 404 for a spec; a token that is bound is not told which others there are."""
     raise HTTPException(404, error.brief if grant_of(connection).bound else str(error)) from None
+
+
+async def unknown_verdict(history: Reading, known: SessionRecord, n: int) -> NoReturn:
+    """Raise 410 for a verdict of a session that is not kept any more, 404 for one that there is not."""
+    first, last = await history.extent(known.number)
+    width = len(known.properties)
+    if n <= (first - 1) * width:
+        raise HTTPException(410, f"verdict {n} of session '{known.id}' is not kept any more")
+    raise HTTPException(
+        404, f"session '{known.id}' has no verdict {n} in its history{' yet' if n > last * width else ''}"
+    )
 
 
 def unknown_session(session_id: str) -> NoReturn:

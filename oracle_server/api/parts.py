@@ -9,7 +9,7 @@ from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 from pydantic import BaseModel, Field
 
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.known import demand_session
+from oracle_server.api.known import demand_session, unknown_verdict
 from oracle_server.api.packing import json_answer
 from oracle_server.core.events import Order
 from oracle_server.edge.scopes import needs
@@ -91,7 +91,7 @@ def router(registry: Registry, history: Reading, explainer: Explainer) -> APIRou
         except NoExplanationError as error:
             raise HTTPException(409, str(error)) from None
         if found is None:
-            raise HTTPException(404, f"session '{session_id}' has no verdict {n} in its history yet")
+            await unknown_verdict(history, known, n)
         return await json_answer(request, history, found)
 
     return routes

@@ -20,12 +20,13 @@ from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.api.summaries import summaries
 from oracle_server.edge.scopes import needs
-from oracle_server.history.pages import find, latest
+from oracle_server.history.pages import find
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query as Question
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
+from oracle_server.wire.json import encode
 
 _PAGE = 100
 """Records that are read at once; so many stay in memory for a client that does not read."""
@@ -43,7 +44,8 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         responses={
             200: {
                 "content": {"text/event-stream": {}},
-                "description": "Verdict records; the id is their n. With `summary`: events of that name",
+                "description": "Verdict records; the id is their n. `missed`: some that are not kept any more, or that "
+                "another session of this name had. With `summary`: events of that name",
             }
         },
     )
@@ -60,6 +62,8 @@ def router(registry: Registry, history: Reading) -> APIRouter:
     ) -> EventSourceResponse:
         """Stream the verdicts after `after` or Last-Event-ID, then new ones; the event `closed` is the last one.
 
+        Where it can't go on behind the last one that was read, the event `missed` says why, and which one comes `next`.
+
         Revisions are among them, unless what was said at first is asked for. With `summary=true` there are no verdicts,
         but events `summary`: the session's state, then what has changed of it, twice a second at most.
         """
@@ -71,8 +75,8 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         begin = after if last_event_id is None else number_of(last_event_id)
         asked = replace(question, outcomes=frozenset(outcome), violations=violations)
         wanted = replace(asked, after=begin, limit=_PAGE, follows=True)
-        first, seen, _ = await _page(history, known, wanted, doubts_of(registry, session_id))
-        events = _events(registry, history, session_id, known, replace(wanted, after=max(seen, begin)), first)
+        first, wanted, _ = await _page(history, known, wanted, doubts_of(registry, session_id))
+        events = _events(registry, history, session_id, known, wanted, first)
         return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return routes
@@ -87,8 +91,7 @@ async def _events(
 
     async def page() -> tuple[bytes, bool]:
         nonlocal asked
-        text, seen, more = await _page(history, known, asked, doubts_of(registry, session_id))
-        asked = replace(asked, after=max(seen, asked.after or 0))
+        text, asked, more = await _page(history, known, asked, doubts_of(registry, session_id))
         return text, more
 
     async for text in followed(registry, session_id, page, _GATHER):
@@ -97,12 +100,30 @@ async def _events(
 
 async def _page(
     history: Reading, known: SessionRecord, wanted: Question, doubts: Doubts | None
-) -> tuple[bytes, int, bool]:
-    """The next events as text, the `n` up to which the history was read, and whether there are more."""
-    seen = await latest(history, known)
+) -> tuple[bytes, Question, bool]:
+    """The next events as text, what is asked for behind them, and whether there is more of it already."""
+    first, last = (position * len(known.properties) for position in await history.extent(known.number))
+    told, wanted = _missed(wanted, first - len(known.properties), last)
     items, more = await find(history, known, wanted, doubts)
-    if more is not None:
-        seen = more
-    elif items:
+    seen = last if more is None else more
+    if more is None and items:
         seen = max(seen, items[-1][0])
-    return b"".join([b"id: %d\ndata: %b\n\n" % item for item in items]), seen, more is not None
+    text = told + b"".join([b"id: %d\ndata: %b\n\n" % item for item in items])
+    return text, replace(wanted, after=max(seen, wanted.after or 0)), more is not None
+
+
+def _missed(wanted: Question, deleted: int, last: int) -> tuple[bytes, Question]:
+    """What a client is told that can't go on where it was, and what is asked for in place of that.
+
+    Verdicts are kept from behind `deleted` up to the `last` one.
+    """
+    after = wanted.after or 0
+    if after > last:  # of a history that was lost, or of a session that was deleted
+        why = f"there is no verdict {after}: another session of this name is told from its begin on"
+        begin = 0
+    elif 0 < after < deleted:
+        why, begin = f"verdicts {after + 1} to {deleted} are not kept any more", deleted
+    else:
+        return b"", wanted
+    data = {"after": after, "next": max(begin, deleted) + 1, "why": why}
+    return format_sse_event(event="missed", data_str=encode(data)), replace(wanted, after=begin)

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.responses import StreamingResponse
 
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.known import demand_session, doubts_of
+from oracle_server.api.known import demand_session, doubts_of, unknown_verdict
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
@@ -89,7 +89,7 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
         except NoExplanationError as error:
             raise HTTPException(409, str(error)) from None
         if record is None:
-            raise HTTPException(404, f"session '{session_id}' has no verdict {n} in its history yet")
+            await unknown_verdict(history, known, n)
         return await json_answer(request, history, record)
 
     @routes.get(

@@ -7,7 +7,7 @@ import json
 import os
 import ssl
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 from urllib.parse import quote
 
@@ -92,8 +92,8 @@ class Client:
         except (ValueError, LookupError):
             raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
 
-    def events(self, path: str, **query: Any) -> Iterator[dict[str, Any]]:
-        """The records of a stream until its end, over several connections if necessary.
+    def events(self, path: str, note: Callable[[str], object], **query: Any) -> Iterator[dict[str, Any]]:
+        """The records of a stream until its end, over several connections if necessary; `note` is told what it lacks.
 
         Raises `ServerUnreachableError` where there is no such stream, or the server can't be reached again.
         """
@@ -109,6 +109,10 @@ class Client:
                 for event in _events(_lines(response)):
                     if event.get(b"event") == b"closed":
                         return
+                    if event.get(b"event") == b"missed":
+                        found = json.loads(event[b"data"])
+                        note(found["why"])
+                        last = found["next"] - 1
                     if b"id" in event:
                         yield json.loads(event[b"data"])
                         last = int(event[b"id"])

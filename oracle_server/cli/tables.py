@@ -82,7 +82,12 @@ def follow_verdicts(
     client: Client, session: str, properties: list[str], outcomes: list[str], view: str = "standing", *, as_json: bool
 ) -> None:
     """Print a session's verdict records in a view, one a line, until the session ends."""
-    for record in client.events(of_session(session, "stream"), property=properties, outcome=outcomes, **{"as": view}):
+
+    def note(text: str) -> None:
+        sys.stderr.write(f"{text}\n")
+
+    wanted = {"property": properties, "outcome": outcomes, "as": view}
+    for record in client.events(of_session(session, "stream"), note, **wanted):
         keys = (*_RECORD, *_measured([record]))
         cells = _record_row(record, keys)
         line = json.dumps(record) if as_json else one_line("  ".join(cell for cell in cells if cell))
@@ -130,10 +135,11 @@ def _record_row(record: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
 
 
 def _row(item: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
-    return tuple(_cell(item.get(key)) for key in keys)
+    return tuple(cell(item.get(key)) for key in keys)
 
 
-def _cell(value: object) -> str:
+def cell(value: object) -> str:
+    """A value in a table; `-` where it is not known."""
     if value is None:
         return "-"
     return f"{value:g}" if isinstance(value, float) else str(value)
@@ -152,16 +158,20 @@ def _show_caveats(state: dict[str, Any], where: str = "") -> None:
 def session_row(state: dict[str, Any]) -> tuple[str, ...]:
     """A session's cells under `SESSIONS`."""
     attached = sum(m["connected"] for m in state["monitors"])
-    violations = sum(p["violations"] for p in state["properties"]) if state["properties"] else None
     return (
         state["id"],
         state["spec"],
         status_of(state),
         str(attached),
-        _cell(state["counters"]["steps"]),
-        _cell(violations),
+        cell(state["counters"]["steps"]),
+        violations_of(state),
         _first(state["properties"]),
     )
+
+
+def violations_of(state: dict[str, Any]) -> str:
+    """How many violations a session has; nothing is known of one that could not be restored."""
+    return cell(sum(p["violations"] for p in state["properties"]) if state["properties"] else None)
 
 
 def status_of(state: dict[str, Any]) -> str:

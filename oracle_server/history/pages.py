@@ -25,9 +25,3 @@ async def find(
         found += more
     page = found[: query.limit]
     return page, page[-1][0] if len(found) > query.limit else None
-
-
-async def latest(history: Reading, session: SessionRecord) -> int:
-    """The `n` of a session's last committed record, 0 where there is none."""
-    _, last = await history.extent(session.number)
-    return last * len(session.properties)
