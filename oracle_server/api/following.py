@@ -26,7 +26,8 @@ async def followed(
     Of a session that another server has they are looked for twice a second.
 
     The event `closed` is the last one where the session is closed. Where the server stops there is none: the client
-    reconnects to the next one, which continues the session.
+    reconnects to the next one, which continues the session. Nor is there one of a session that could not be restored,
+    where nothing goes on, until a server restores it.
     """
     quiet = 0.0
     while True:
@@ -46,6 +47,8 @@ async def followed(
                 quiet = 0.0
                 yield KEEPALIVE_COMMENT
             continue
+        if session_id in registry.unrestored:
+            return
         if upcoming is None:
             yield format_sse_event(event="closed", data_str="{}")
             return

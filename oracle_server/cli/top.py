@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.live import Live
 
 from oracle_server.cli.client import Client
-from oracle_server.cli.tables import SESSIONS, session_row, status_of
+from oracle_server.cli.tables import SESSIONS, cell, session_row, status_of, violations_of
 from oracle_server.process.tables import print_table, table
 
 _HEAD = ("session", "status", "monitors", "steps/s", "held", "violations", "open", "wrong now")
@@ -46,7 +46,8 @@ class Top:
         wrong: dict[str, list[str]] = {}
         for episode in self._client.pages("episodes", open=True):
             wrong.setdefault(episode["session"], []).append(episode["property"])
-        steps = {state["id"]: state["counters"]["steps"] or 0 for state in states}
+        told = {state["id"]: state["counters"]["steps"] for state in states}
+        steps = {name: count for name, count in told.items() if count is not None}
         passed = now - self._at
         rates = {name: (steps[name] - before) / passed for name, before in self._steps.items() if name in steps}
         self._steps, self._at = steps, now
@@ -60,8 +61,8 @@ def _row(state: dict[str, Any], rate: float | None, wrong: list[str]) -> tuple[s
         status_of(state),
         str(sum(monitor["connected"] for monitor in state["monitors"])),
         "-" if rate is None else f"{rate:.0f}",
-        str(state["counters"]["held"] or 0),
-        str(sum(row["violations"] for row in state["properties"])),
+        cell(state["counters"]["held"]),
+        violations_of(state),
         str(len(wrong)),
         ", ".join(Counter(wrong)),
     )

@@ -10,7 +10,7 @@ from oracle_server.history.port import Reading
 from oracle_server.sessions.live import LiveSession
 from oracle_server.wire.frames import EpisodeEvent
 
-_MOST = 1_000
+MOST = 1_000
 """Episodes that are told at first: as many as a page of them has."""
 
 
@@ -53,7 +53,7 @@ class Beginnings:
         if not going:
             return []
         properties = frozenset(name for name, _ in going)
-        query = EpisodeQuery(self._live.number, properties, since, limit=_MOST, order="desc")
+        query = EpisodeQuery(self._live.number, properties, since, limit=MOST, order="desc")
         page, _ = await self._history.episodes(query)
         return [record for record in reversed(page) if (record["property"], record["first"]) in going]
 

@@ -37,12 +37,15 @@ def _news(key: str, before: Document, value: Any) -> Any:
 
 
 def brief(state: Document) -> Document:
-    """What a list of many sessions shows of a state, which an older version may have kept: a tenth of it."""
+    """What a list of many sessions shows of a state, which an older version may have kept: a tenth of it.
+
+    Where nothing is known of its properties, as of one that could not be restored, `outcome` and `violations` are None.
+    """
     kept = {key: state.get(key) for key in _BRIEF}
     properties, monitors = state["properties"], state["monitors"]
     return kept | {
         "outcome": worst(Outcome(row["outcome"]) for row in properties).value if properties else None,
-        "violations": sum(row["violations"] for row in properties),
+        "violations": sum(row["violations"] for row in properties) if properties else None,
         "steps": state["counters"]["steps"],
         "monitors": len(monitors),
         "connected": sum(bool(row["connected"]) for row in monitors),

@@ -7,6 +7,7 @@ import pytest
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.sessions.unrestored import Unrestored
 from tests.api.conftest import Asked
+from tests.sessions.making import GUARD, Kept, attach, event
 
 REASON = "spec.yaml:2:1: streams: not a list\nspec.yaml:3:1: formula: no"
 
@@ -71,3 +72,31 @@ async def test_a_session_that_can_not_be_kept_is_not_said_to_be_opened(
     state = (await asked.http.get("/api/v1/sessions/s")).json()
     assert state["trouble"] == "nothing more of it can be kept: it is too large"
     assert "oracle_sessions_in_trouble 1.0" in (await asked.http.get("/metrics")).text
+
+
+async def test_what_is_not_known_of_it_is_not_said_to_be_none(asked: Asked) -> None:
+    await leave(asked)
+    (listed,) = (await asked.http.get("/api/v1/sessions", params={"brief": True})).json()["items"]
+    assert (listed["violations"], listed["outcome"], listed["steps"]) == (None, None, None)
+    assert (await asked.http.delete("/api/v1/sessions/s")).json()["status"] == "closed"
+    (listed,) = (await asked.http.get("/api/v1/sessions", params={"brief": True})).json()["items"]
+    assert (listed["violations"], listed["status"]) == (None, "closed")
+
+
+async def test_its_streams_tell_what_is_kept_and_not_that_it_is_closed(asked: Asked) -> None:
+    history = asked.registry._history
+    asked.registry._library.put("guard", GUARD)
+    live, monitor = await asked.registry.attach(attach("s", "guard"), Kept())
+    live.ingest(monitor, event(1, speed=9))
+    live.ledger.write()
+    await history.flush()
+    asked.registry.unrestored["s"] = Unrestored(asked.registry.open.pop("s").record, REASON)
+    path = "/api/v1/sessions/s"
+    episodes = (await asked.http.get(f"{path}/episodes/stream")).text
+    assert episodes.count("event: ") == episodes.count("event: begun") == 1
+    assert (await asked.http.get(f"{path}/episodes/stream", params={"property": "other"})).text.count("event: ") == 0
+    verdicts = (await asked.http.get(f"{path}/stream")).text
+    assert ("id: 1" in verdicts, "event: " in verdicts) == (True, False)
+    assert (await asked.http.delete(path)).status_code == 200
+    for stream in ("episodes/stream", "stream"):
+        assert "event: closed" in (await asked.http.get(f"{path}/{stream}")).text

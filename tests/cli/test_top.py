@@ -17,7 +17,7 @@ from tests.processes import PATIENCE
 from tests.whole.harness import COMMAND, Server, run
 
 
-def state(name: str, steps: int | None, held: int = 0, status: str = "open") -> dict[str, Any]:
+def state(name: str, steps: int | None, held: int | None = 0, status: str = "open") -> dict[str, Any]:
     return {
         "id": name,
         "spec": "s",
@@ -46,9 +46,10 @@ class Served:
 
 def test_rates_are_those_since_the_last_look_and_what_is_wrong_comes_first() -> None:
     wrong = [{"session": "b", "property": "p"}, {"session": "b", "property": "p"}, {"session": "b", "property": "q"}]
+    unknown = state("unknown", None, None, "unrestored") | {"monitors": [], "properties": []}
     served = Served(
-        ([state("a", 100), state("b", 50), state("gone", 5)], []),
-        ([state("a", 300), state("b", 51, 7), state("new", None), state("old", 9, status="closed")], wrong),
+        ([state("a", 100), state("b", 50), state("gone", 5), unknown], []),
+        ([state("a", 300), state("b", 51, 7), state("new", 1), unknown, state("old", 9, status="closed")], wrong),
     )
     times = iter([10.0, 14.0])
     top = Top(cast("Client", served), lambda: next(times))
@@ -57,6 +58,7 @@ def test_rates_are_those_since_the_last_look_and_what_is_wrong_comes_first() -> 
         ("b", "open", "1", "0", "7", "3", "3", "p, q"),
         ("a", "open", "1", "50", "0", "3", "0", ""),
         ("new", "open", "1", "-", "0", "3", "0", ""),
+        ("unknown", "unrestored", "0", "-", "-", "-", "0", ""),
     ]
 
 
