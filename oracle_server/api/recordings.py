@@ -14,7 +14,7 @@ from oracle_server.api.known import demand_name, unknown_spec
 from oracle_server.edge.access import client_of, demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.jobs.checking import CrowdedError
-from oracle_server.jobs.recordings import Recording, Recordings
+from oracle_server.jobs.recordings import Recording, Recordings, UnwantedError
 from oracle_server.jobs.uploads import FullError, TooLargeError
 from oracle_server.sessions.opening import SessionExistsError, SessionNameError
 from oracle_server.sessions.registry import Registry
@@ -25,7 +25,8 @@ PATH = "/api/v1/recordings"
 _ENDED_WITHIN = 10.0
 """Seconds that who cancels waits for the end."""
 _STATUSES: dict[type[Exception], int] = {
-    SessionExistsError: 409, SessionNameError: 422, TooLargeError: 413, CrowdedError: 429, FullError: 507
+    SessionExistsError: 409, UnwantedError: 409, TooLargeError: 413, SessionNameError: 422, CrowdedError: 429,
+    FullError: 507,
 }  # fmt: skip
 """What tells a client why its recording is not taken."""
 

@@ -9,7 +9,7 @@ from collections import OrderedDict
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import structlog
 
@@ -61,7 +61,15 @@ class Recording:
     error: str | None = None
     conclusion: Document | None = None
     ended: asyncio.Event = field(default_factory=asyncio.Event)
-    task: asyncio.Task[None] | None = None
+    task: asyncio.Task[Any] | None = None
+    unwanted: bool = False
+    """Whether it is to end before its time."""
+
+    def stop(self) -> None:
+        """End before its time."""
+        self.unwanted = True
+        if self.task is not None:
+            self.task.cancel()
 
     @property
     def document(self) -> Document:
@@ -72,6 +80,10 @@ class Recording:
                 "complete": self.complete, "conclusion": self.conclusion,
             }
         }  # fmt: skip
+
+
+class UnwantedError(OracleError):
+    """A recording that is cancelled while it is received."""
 
 
 class Recordings:
@@ -105,7 +117,8 @@ class Recordings:
     ) -> Recording:
         """Receive a recording of a client, of which `size` bytes are announced, and let it wait for its turn.
 
-        Raises `CrowdedError`, `TooLargeError`, `FullError`, and what finding the spec raises.
+        Raises `CrowdedError`, `TooLargeError`, `FullError`, and what finding the spec raises; `UnwantedError` where it
+        is cancelled meanwhile.
         """
         entry = await self._library.find(spec)
         self._demand_place(client)
@@ -113,11 +126,7 @@ class Recordings:
         self.uploads.check_room(size)
         one = Recording(secrets.token_hex(8), client, name, spec, session, size=size)
         self._all[one.id] = one
-        try:
-            path = await self.uploads.receive(name, body)
-        except BaseException:
-            del self._all[one.id]
-            raise
+        path = await self._received(one, body)
         one.size, one.state = path.stat().st_size, "queued"
         one.task = asyncio.create_task(self._judged(one, entry, path))
         await asyncio.sleep(0)  # what has not begun can't end in order where it is cancelled
@@ -125,20 +134,43 @@ class Recordings:
 
     async def cancel(self, one: Recording, within: float) -> None:
         """End a recording before its time; returns once it has ended, or after so many seconds."""
-        if one.task is not None and not one.ended.is_set():
-            one.task.cancel()
+        if not one.ended.is_set():
+            one.stop()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(within):
                     await one.ended.wait()
 
     async def stop(self) -> None:
         """End all of them: their sessions are closed as incomplete."""
-        tasks = [one.task for one in self._all.values() if one.task is not None and not one.task.done()]
+        going = [one for one in self._all.values() if not one.ended.is_set()]
+        tasks = [one.task for one in going if one.task is not None and not one.task.done()]
         self._stopping = True
-        for task in tasks:
-            task.cancel()
+        for one in going:
+            one.stop()
         if tasks:
             await asyncio.wait(tasks, timeout=5.0)
+
+    async def _received(self, one: Recording, body: AsyncIterator[bytes]) -> Path:
+        """Where a recording is once all of it has come; nothing of it is left, and known, where it does not."""
+        one.task = asyncio.create_task(self.uploads.receive(one.name, body))
+        path: Path | None = None
+        try:
+            path = await one.task
+        except BaseException:
+            if not one.unwanted or _is_cancelled():
+                del self._all[one.id]
+                raise
+        if path is not None and not one.unwanted:
+            return path
+        if path is not None:
+            await self.uploads.remove(path)
+        one.state, one.error = "cancelled", self._why()
+        one.ended.set()
+        raise UnwantedError(f"the recording is not judged: {one.error}")
+
+    def _why(self) -> str:
+        """Why one has ended before its time."""
+        return _STOPPED if self._stopping else _CANCELLED
 
     def _demand_place(self, client: str) -> None:
         going = [one for one in self._all.values() if not one.ended.is_set()]
@@ -161,7 +193,7 @@ class Recordings:
                 await judging.run(task)
             state, one.complete = "judged", True
         except asyncio.CancelledError:
-            state, one.error = "cancelled", _STOPPED if self._stopping else _CANCELLED
+            state, one.error = "cancelled", self._why()
         except OracleError as error:
             one.error = str(error)
         except Exception:
@@ -181,6 +213,12 @@ class Recordings:
         finally:  # its client's place is free, and nobody waits for it without an end
             one.state = state
             one.ended.set()
+
+
+def _is_cancelled() -> bool:
+    """Whether who sends a recording is waited for no more."""
+    task = asyncio.current_task()
+    return task is not None and task.cancelling() > 0
 
 
 class _Judging:
