@@ -16,6 +16,7 @@ from oracle_server.core.records import WaitedRecord
 from oracle_server.core.verdicts import NEGATIVE, Outcome, waited_record
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord, StoredStep
+from oracle_server.history.views import said
 from oracle_server.review.again import plan_of
 
 MOST = 200
@@ -215,16 +216,16 @@ def _concerns(ready: Plan, index: int | None, order: Order, stored: StoredStep) 
     if stored.order != order or stored.revision is not None:
         return None
     if stored.is_tick:
-        return True if (index in stored.explanations if index is not None else stored.explanations) else None
+        violated = said(stored, "standing").explanations
+        return True if (index in violated if index is not None else violated) else None
     return index is None or index in ready.readers.get(stored.step.event.stream.name, ())
 
 
 def _item(stored: StoredStep, properties: Sequence[str], index: int | None, *, simulated: bool) -> ItemRecord:
     step, event = stored.step, stored.step.event
     first = (stored.position - 1) * len(properties) + 1
-    outcomes = stored.outcomes if stored.standing is None else stored.standing.outcomes
-    explanations = stored.explanations if stored.standing is None else stored.standing.explanations
-    told = [outcome or Outcome.UNKNOWN for outcome in outcomes]
+    stands = said(stored, "standing")
+    explanations, told = stands.explanations, [outcome or Outcome.UNKNOWN for outcome in stands.outcomes]
     chosen = min(range(len(told)), key=lambda i: _GRAVEST.index(told[i])) if index is None else index
     marks = (GOAL_ID, STATUS) if KINDS[event.stream.kind].marks else ()
     own = {} if stored.is_tick else {name: value for name, value in step.signals.items() if name not in marks}
