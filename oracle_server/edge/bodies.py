@@ -29,24 +29,30 @@ class Bodies:
             await self._app(scope, receive, send)
             return
         most = self._larger.get(scope["path"], MAX_BODY)
-        size, over = 0, False
+        size, over, answered = 0, False, asyncio.Event()
         deadline = asyncio.get_running_loop().time() + BODY_WITHIN
 
         async def counted() -> Message:
             nonlocal size, over, deadline
-            if over:  # after the body comes only the disconnect, which has no time limit
+            if over or answered.is_set():  # all that matters by then is the disconnect, which has no time limit
                 return await receive()
             try:
                 async with asyncio.timeout_at(deadline):
                     message = await receive()
             except TimeoutError:
+                if answered.is_set():
+                    return await receive()
                 raise HTTPException(408, f"the body did not arrive within {BODY_WITHIN:.0f} s") from None
             size += len(message.get("body", b""))
             over = not message.get("more_body", False)
-            if size > most:
+            if size > most and not answered.is_set():
                 raise HTTPException(413, f"a body has at most {most} bytes")
             if size > MAX_BODY:
                 deadline += len(message.get("body", b"")) / _SLOWEST
             return message
 
-        await self._app(scope, counted, send)
+        async def answering(message: Message) -> None:
+            answered.set()
+            await send(message)
+
+        await self._app(scope, counted, answering)

@@ -34,3 +34,37 @@ async def test_a_body_that_does_not_come_is_not_waited_for(monkeypatch: pytest.M
     async with asyncio.timeout(PATIENCE):
         with pytest.raises(HTTPException, match="408"):
             await Bodies(app)({"type": "http", "path": "/"}, receive, send)
+
+
+async def test_a_body_that_does_not_come_ends_no_answer_that_has_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As who streams reads on until the client leaves, however much of its body is missing, or how large it is."""
+    monkeypatch.setattr(bodies, "BODY_WITHIN", 0.01)
+    monkeypatch.setattr(bodies, "MAX_BODY", 3)
+    left, asked, heard, sent = asyncio.Event(), asyncio.Event(), list[Message](), list[Message]()
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        heard.append(await receive())
+        reading = asyncio.ensure_future(receive())
+        await asked.wait()
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        heard.extend([await reading, await receive()])
+
+    pieces = [{"type": "http.request", "body": b"x", "more_body": True}]
+    pieces += [{"type": "http.request", "body": b"xxxx", "more_body": True}]
+
+    async def receive() -> Message:
+        if len(heard) == 1 and not sent:
+            asked.set()
+            await asyncio.Future()
+        if pieces:
+            return pieces.pop(0)
+        await left.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+        left.set()
+
+    async with asyncio.timeout(PATIENCE):
+        await Bodies(app)({"type": "http", "path": "/"}, receive, send)
+    assert [message["type"] for message in heard] == ["http.request", "http.request", "http.disconnect"]
