@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from oracle_server.core.kinds import OF_ACTIONS, Kind
 from oracle_server.specfiles.model import ros_type
-from oracle_server.specfiles.rosmonitoring.cel import TODO
+from oracle_server.specfiles.rosmonitoring.cel import FAILS, TODO
 from oracle_server.specfiles.rosmonitoring.config import Interface
 from oracle_server.specfiles.rosmonitoring.draft import Draft, streams_of
 from oracle_server.specfiles.rosmonitoring.expressions import Stream
@@ -22,15 +22,6 @@ _OF_SERVICES: Mapping[tuple[str, str], tuple[Kind, str]] = {
     ("feedback", "topic"): ("feedback", "feedback."),
 }
 """Of the halves of the hidden services, and of the topic, the kinds of events, and the fields with their messages."""
-_OF_EVENTS: Mapping[str, Kind] = {
-    "start_action_request": "goal",
-    "start_action_response": "reply",
-    "feedback": "feedback",
-    "cancel_action_request": "cancel",
-    "get_result_response": "result",
-    "status": "status",
-}
-"""The kinds of ROSMonitoring's `event_kind`; what it has beside them is no event here."""
 _ASKED: tuple[Kind, ...] = ("goal", "reply", "result")
 """What is decided where a filter decided everything: a robot must be stopped, and feedback come at once."""
 
@@ -70,8 +61,6 @@ def lost_of(interfaces: Sequence[Interface], draft: Draft) -> Iterator[str]:
     """What the modules read of an action that has no counterpart."""
     for interface in interfaces:
         match = _HIDDEN.fullmatch(interface.name)
-        if interface.kind == "action" and draft.properties:
-            yield f"what the modules read of {interface.name}: write signals below its kinds"
         for stream in streams_of(interface) if match else ():
             read = [name for name, signal in draft.signals.items() if stream in signal.cel or stream in signal.unread]
             if read and match and (match["service"], stream.kind) not in _OF_SERVICES:
@@ -85,8 +74,7 @@ def _kinds(interfaces: Sequence[Interface]) -> set[Kind]:
         if match:
             found |= {kind for (service, _), (kind, _) in _OF_SERVICES.items() if service == match["service"]}
         else:
-            named = {_OF_EVENTS[word] for word in interface.events if word in _OF_EVENTS}
-            found |= named or {kind for kind in OF_ACTIONS if kind != "status"}
+            found |= set(interface.observed)
     return found
 
 
@@ -103,13 +91,20 @@ def _type(interface: Interface) -> str:
 
 
 def _streams(kind: Kind, interfaces: Sequence[Interface]) -> Iterator[tuple[Stream, str]]:
-    """The streams of hidden services and topics that are of a kind, and the fields that their messages are in."""
+    """The streams that are of a kind, and the fields that their messages are in.
+
+    Those of hidden services and topics leave out the action's own: its events are theirs.
+    """
+    hidden, own = list[tuple[Stream, str]](), list[tuple[Stream, str]]()
     for interface in interfaces:
         match = _HIDDEN.fullmatch(interface.name)
-        for stream in streams_of(interface) if match else ():
-            own, field = _OF_SERVICES.get((match["service"] if match else "", stream.kind), ("", ""))
-            if own == kind:
-                yield stream, field
+        for stream in streams_of(interface):
+            if match is None:
+                own += [(stream, "")] if stream.kind == kind else []
+                continue
+            found, field = _OF_SERVICES.get((match["service"], stream.kind), ("", ""))
+            hidden += [(stream, field)] if found == kind else []
+    yield from hidden or own
 
 
 def _signals(stream: Stream, field: str, draft: Draft) -> Iterator[str]:
@@ -120,7 +115,11 @@ def _signals(stream: Stream, field: str, draft: Draft) -> Iterator[str]:
         if was is None:
             continue
         cel = _inside(was, field) if stream in signal.cel else None
-        if cel is None:
+        if cel == FAILS:
+            yield f"{indent}# the module fails here, so that its formulas are unknown"
+        elif cel is None and not was:
+            yield f"{indent}# unknown here too, until `{name}` is written"
+        elif cel is None:
             yield f"{indent}# TODO: write this as CEL over `msg`, which is the inner message here. It was:"
             yield from (f"{indent}# {line}" for line in was.splitlines())
         yield f"{indent}{json.dumps(name)}: {json.dumps(TODO if cel is None else cel)}"

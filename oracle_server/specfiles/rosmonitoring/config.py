@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.kinds import OF_ACTIONS, Kind
 
 _KNOWN = {
     "monitor": {"id", "oracle", "topics", "services", "actions", "ordered_topics", "ordered_services",
@@ -17,7 +18,15 @@ _KNOWN = {
     "oracle": {"url", "port", "action", "timeout"},
 }  # fmt: skip
 
-
+_OF_EVENTS: Mapping[str, Kind] = {
+    "start_action_request": "goal",
+    "start_action_response": "reply",
+    "feedback": "feedback",
+    "cancel_action_request": "cancel",
+    "get_result_response": "result",
+    "status": "status",
+}
+"""The kinds of ROSMonitoring's `event_kind`; what it has beside them is no event here."""
 _KINDS: tuple[Literal["topic", "service", "action"], ...] = ("topic", "service", "action")
 
 
@@ -45,6 +54,12 @@ class Interface:
     events: tuple[str, ...] = ()
     lost: list[str] = field(default_factory=list)
     """Settings that have no counterpart, as text."""
+
+    @property
+    def observed(self) -> tuple[Kind, ...]:
+        """The kinds of an action's events that are observed: those that it names, or all but its status."""
+        named = {_OF_EVENTS[word] for word in self.events if word in _OF_EVENTS}
+        return tuple(kind for kind in OF_ACTIONS if (kind in named if named else kind != "status"))
 
 
 @dataclass(slots=True)

@@ -59,9 +59,9 @@ class Draft:
 
 def streams_of(interface: Interface, types: Types | None = None) -> list[Stream]:
     """The streams of an interface, as their messages name them; with `types`, with what is known of these."""
-    if interface.kind == "action":
-        return []  # how its events are written in a module is not known
     name = interface.name.removeprefix("/") if interface.bare else interface.name
+    if interface.kind == "action":
+        return [Stream("action", name, kind) for kind in interface.observed]
     kinds = ("topic",) if interface.kind == "topic" else ("request", "response")
     return [Stream(interface.kind, name, kind, _message(interface.type, kind, types)) for kind in kinds]
 

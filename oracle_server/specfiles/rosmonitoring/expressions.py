@@ -36,7 +36,10 @@ from oracle_server.specfiles.rosmonitoring.values import (
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A stream as its messages show it: `key` is `topic` or `service`, under which they have its name."""
+    """A stream as its messages show it: `key` is `topic` or `service`, under which they have its name.
+
+    Of the events of an action, whose `key` is `action`, it is not known how they were written.
+    """
 
     key: str
     name: str
@@ -48,6 +51,10 @@ class Stream:
     def whole(self) -> Field:
         """A message as a field that has its fields."""
         return Field(()) if self.message is None else Field((), self.message.shape, self.message.widest)
+
+    def hides(self, key: str) -> bool:
+        """Whether it is not known if its messages have a key: of an action's only that they are no other streams'."""
+        return self.key == "action" and key not in ("topic", "service", "time")
 
 
 @dataclass(slots=True)
@@ -195,7 +202,7 @@ class _Reader:
 
     def _of_message(self, key: str) -> Value:
         stream = self.machine.stream
-        if stream is None or key == "time":
+        if stream is None or key == "time" or stream.hides(key):
             raise UntranslatableError
         if key == stream.key:
             return Const(Name(stream.name))
@@ -256,6 +263,8 @@ class _Reader:
             return None
         key, known = left.value, None
         if isinstance(where, Message) and stream is not None:
+            if stream.hides(key):
+                raise UntranslatableError
             if key in ("topic", "service", "time") or stream.kind != "topic":
                 known = key in (stream.key, "time", stream.kind)
             else:

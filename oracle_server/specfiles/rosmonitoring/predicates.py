@@ -129,10 +129,10 @@ class _Key:
         raise UntranslatableError
 
     def _of_message(self) -> Value:
+        if self.name == "time" or self.stream.hides(self.name):
+            raise UntranslatableError
         if self.name == self.stream.key:
             return Const(Name(self.stream.name))
-        if self.name == "time":
-            raise UntranslatableError
         if self.stream.kind != "topic" or self.name in ("service", "topic"):
             return Kept(self.name)
         test = there(self.stream.whole, self.name)
