@@ -74,6 +74,11 @@ def abstract_message(message):
 """
 
 
+def one(keys: str) -> str:
+    """A configuration of one monitor."""
+    return f"monitors: [{{monitor: {{id: m, {keys}}}}}]"
+
+
 def imported(folder: Path, config: str, ends: int = 0, **modules: str) -> tuple[str, Any]:
     path = folder / "config.yaml"
     path.write_text(config)
@@ -131,6 +136,38 @@ def test_the_rewrite_keeps_its_delays_and_stamps(tmp_path: Path) -> None:
     assert (pose.stamp, pose.ordered, scan.ordered) == (Stamp("header.stamp"), True, False)
     assert "`ordered: true` alone put nothing in order there" in text
     assert "`colour` of monitor" in text
+
+
+def test_what_several_places_say_of_an_interface_is_put_together(tmp_path: Path) -> None:
+    config = """
+nodes: [{node: {name: x, package: p, name: y, package: p}}]
+defaults: &defaults {type: std_msgs/String, action: log}
+monitors:
+  - monitor:
+      id: m
+      topics:
+        - {name: a, type: std_msgs.msg.String, action: log, publishers: [x]}
+        - {name: /a, <<: *defaults, action: filter, subscribers: [x], ordering: {max_delay_ms: 70}}
+      actions:
+        - {name: dock, event_kind: [feedback]}
+  - monitor:
+      id: n
+      topics:
+        - {name: a, warning: 2, type: std_msgs/msg/String, action: filter, publishers: [x]}
+        - {name: b, type: std_msgs/String, ordering: {order_by: stamp, max_delay_ms: 0.5}}
+      actions:
+        - {name: dock, action: filter, event_kind: [start_action_request, start]}
+      ordered_topics: [/b, c]
+"""
+    text, spec = imported(tmp_path, config)
+    streams = {(stream.name, stream.kind): stream for stream in spec.streams}
+    assert streams.keys() == {("/a", "topic"), ("/b", "topic"), ("/dock", "goal"), ("/dock", "feedback")}
+    assert (streams["/a", "topic"].action, streams["/a", "topic"].intercept) == ("filter", "subscriber")
+    assert streams["/dock", "goal"].action == "filter"
+    assert "  max_delay: 70ms\n" in text
+    for lost in ("filtered by monitor 'n' for its publishers, too", "`warning`", "`max_delay_ms: 0.5`",
+                 "`event_kind: start`", "`ordered_topics` of monitor 'n': /c is none of its topics"):  # fmt: skip
+        assert f"# no counterpart: {lost}" in text
 
 
 def test_a_property_module_is_read_and_never_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,6 +348,23 @@ def test_stubs_make_what_reads_them_unknown(tmp_path: Path) -> None:
         ("monitors: [{monitor: {id: x}}]", "has no topics, services or actions"),
         ("monitors: [{monitor: {topics: [{type: x}]}}]", "has no name"),
         ("a: [", "not YAML"),
+        (one("topics: [{name: a}, /b, c]"), "topics[1] of monitor 'm' is '/b'; write what it is, as in `{name: "),
+        (one("topics: 5"), "`topics` of monitor 'm' is no list"),
+        (one("topics: [{name: a}], services: {name: x, action: filter}"), "`services` of monitor 'm' is no list"),
+        (one("topics: [{name: a}], ordered_topics: {a: 1}"), "`ordered_topics` of monitor 'm' is no list"),
+        (one("topics: [{name: a}], ordered_topics: [1]"), "ordered_topics[0] of monitor 'm' has no name"),
+        (one("topics: [{name: [a], action: filter}]"), "has no name, or one that ROS does not allow: ['a']"),
+        (one("topics: [{name: a, action: Filter}]"), "topic a of monitor 'm': `action: Filter` is neither `log` nor"),
+        (one("topics: [{name: a, ordering: 5}]"), "topic a of monitor 'm': `ordering` is no mapping"),
+        (
+            one("\n  topics: [{name: a, action: filter}],\n  topics: [{name: b}]"),
+            "config.yaml: line 3: `topics` stands twice in one mapping",
+        ),
+        (
+            "monitors: [{id: m, topics: [{name: a, type: std_msgs.msg.String}]},"
+            " {id: n, topics: [{name: /a, type: std_msgs/Int32, action: filter}]}]",
+            "topic /a of monitor 'n' has the type std_msgs/msg/Int32, and std_msgs/msg/String before",
+        ),
     ],
 )
 def test_what_is_no_configuration_is_refused_in_one_line(tmp_path: Path, config: str, word: str) -> None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
-from oracle_server.core.errors import OracleError
+import yaml
+
+from oracle_server.core.errors import OracleError, one_line
 from oracle_server.core.kinds import OF_ACTIONS, Kind
+from oracle_server.specfiles.model import ros_type
 
 _KNOWN = {
     "monitor": {"id", "oracle", "topics", "services", "actions", "ordered_topics", "ordered_services",
@@ -26,8 +30,11 @@ _OF_EVENTS: Mapping[str, Kind] = {
     "get_result_response": "result",
     "status": "status",
 }
-"""The kinds of ROSMonitoring's `event_kind`; what it has beside them is no event here."""
-_KINDS: tuple[Literal["topic", "service", "action"], ...] = ("topic", "service", "action")
+"""The kinds of ROSMonitoring's `event_kind`."""
+_NO_EVENTS = frozenset({"cancel_action_response", "get_result_request"})
+"""The kinds that it has beside them, which are no events here."""
+_KINDS: Mapping[Literal["topic", "service", "action"], str] = {"topic": "msg", "service": "srv", "action": "action"}
+"""The kinds of interfaces, and of their types."""
 
 
 class ConfigError(OracleError):
@@ -78,6 +85,42 @@ class Config:
         return any(i.reordered for i in self.interfaces)
 
 
+def load_config(path: Path) -> Config:
+    """Read a configuration from its file. Raises `ConfigError`."""
+    try:
+        loader = yaml.SafeLoader(path.read_bytes())
+        root = loader.get_single_node()
+        twice = next(_twice(root, set()), None)  # before `<<` is put in place
+        value = None if root is None else loader.construct_document(root)
+    except OSError as error:
+        raise ConfigError(f"{path}: can't be read: {error.strerror}") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise ConfigError(f"{path}: not YAML: {one_line(' '.join(str(error).split()))}") from None
+    if twice is not None:
+        line = twice.start_mark.line + 1
+        raise ConfigError(f"{path}: line {line}: `{twice.value}` stands twice in one mapping; put both into one")
+    return read_config(value, str(path))
+
+
+def _twice(node: yaml.Node | None, seen: set[yaml.Node]) -> Iterator[yaml.ScalarNode]:
+    """The keys that stand twice in a mapping, the first of which YAML forgets; those of `nodes` are not read."""
+    if node in seen:  # by an alias
+        return
+    if isinstance(node, yaml.SequenceNode):
+        seen.add(node)
+        for item in node.value:
+            yield from _twice(item, seen)
+    elif isinstance(node, yaml.MappingNode):
+        seen.add(node)
+        keys = set()
+        for key, value in node.value:
+            if (key.tag, str(key.value)) in keys:
+                yield key
+            keys.add((key.tag, str(key.value)))
+            if key.value != "nodes":
+                yield from _twice(value, seen)
+
+
 def read_config(value: object, file: str) -> Config:
     """Read a configuration from the value of its YAML. Raises `ConfigError`."""
     monitors = value.get("monitors") if isinstance(value, Mapping) else None
@@ -115,34 +158,75 @@ def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: st
     config.lost += [f"`{key}` of monitor '{name}': {reasons[key]}" for key in reasons if key in monitor]
     if oracle.get("action") not in (None, "nothing"):
         config.lost.append(f"`oracle.action: {oracle['action']}` of monitor '{name}': messages are never changed here")
-    config.lost += [f"`{key}` of monitor '{name}'" for key in sorted(set(monitor) - _KNOWN["monitor"])]
-    config.lost += [f"`oracle.{key}` of monitor '{name}'" for key in sorted(set(oracle) - _KNOWN["oracle"])]
-    ordered = {kind: _names(monitor.get(f"ordered_{kind}s")) for kind in _KINDS}
+    config.lost += [f"`{key}` of monitor '{name}'" for key in _others(monitor, "monitor")]
+    config.lost += [f"`oracle.{key}` of monitor '{name}'" for key in _others(oracle, "oracle")]
     for kind in _KINDS:
-        for item in _items(monitor, kind):
-            interface = _interface(item, kind, name, file)
-            interface.reordered = interface.reordered or interface.name in ordered[kind]
+        listed = [_interface(item, kind, name, file) for item in _items(monitor, kind, name, file)]
+        ordered = _ordered(monitor, kind, name, file)
+        for interface in listed:
+            interface.reordered = interface.reordered or interface.name in ordered
             known = next((i for i in config.interfaces if (i.name, i.kind) == (interface.name, kind)), None)
             if known is None:
                 config.interfaces.append(interface)
             else:
-                known.filtered = known.filtered or interface.filtered
-                known.reordered = known.reordered or interface.reordered
+                _merge(known, interface, name, file)
+        unknown = sorted(ordered - {interface.name for interface in listed})
+        config.lost += [f"`ordered_{kind}s` of monitor '{name}': {n} is none of its {kind}s" for n in unknown]
 
 
-def _items(monitor: Mapping[str, Any], kind: str) -> Iterator[Mapping[str, Any]]:
-    """The interfaces of a kind: those listed, and those described only in the list of ordered ones."""
-    seen = set()
-    for key in (f"{kind}s", f"ordered_{kind}s"):
-        for item in monitor.get(key) or ():
-            if isinstance(item, Mapping) and item.get("name") not in seen and (key == f"{kind}s" or "type" in item):
-                seen.add(item.get("name"))
-                yield item
+def _merge(known: Interface, other: Interface, monitor: str, file: str) -> None:
+    """Add what a monitor says of an interface to what is known of it. Raises `ConfigError` where types contradict."""
+    types = [ros_type(i.type, _KINDS[i.kind]) for i in (known, other) if i.type]
+    if len(set(types)) > 1:
+        raise ConfigError(
+            f"{file}: {known.kind} {known.name} of monitor '{monitor}' has the type {types[1]}, and {types[0]} before; "
+            "one interface has one type"
+        )
+    if known.filtered and other.filtered and known.subscribers != other.subscribers:
+        known.lost.append(
+            f"filtered by monitor '{monitor}' for its {'subscribers' if other.subscribers else 'publishers'}, too"
+        )
+    elif other.filtered and not known.filtered:
+        known.subscribers = other.subscribers
+    if known.stamp and other.stamp and known.stamp != other.stamp:
+        known.lost.append(f"ordered by `{other.stamp}` in monitor '{monitor}'")
+    known.type, known.stamp = known.type or other.type, known.stamp or other.stamp
+    known.filtered, known.reordered = known.filtered or other.filtered, known.reordered or other.reordered
+    known.delay = max((i.delay for i in (known, other) if i.delay is not None), default=None)
+    known.events = known.events + other.events if known.events and other.events else ()
+    known.lost += [text for text in other.lost if text not in known.lost]
 
 
-def _names(items: object) -> set[str]:
-    found = items if isinstance(items, list) else []
-    return {_slashed(str(i.get("name") if isinstance(i, Mapping) else i)) for i in found}
+def _items(monitor: Mapping[str, Any], kind: str, name: str, file: str) -> Iterator[Mapping[str, Any]]:
+    """The interfaces of a kind: those listed, and those described in the list of ordered ones. Raises `ConfigError`."""
+    for number, item in enumerate(_section(monitor, f"{kind}s", name, file)):
+        if not isinstance(item, Mapping):
+            raise ConfigError(
+                f"{file}: {kind}s[{number}] of monitor '{name}' is {item!r}; write what it is, as in "
+                f"`{{name: /x, type: …, action: log}}`"
+            )
+        yield item
+    for item in _section(monitor, f"ordered_{kind}s", name, file):
+        if isinstance(item, Mapping) and "type" in item:
+            yield item
+
+
+def _section(monitor: Mapping[str, Any], key: str, name: str, file: str) -> list[object]:
+    found = monitor.get(key)
+    if found is not None and not isinstance(found, list):
+        raise ConfigError(f"{file}: `{key}` of monitor '{name}' is no list; begin each item with `- `")
+    return found or []
+
+
+def _ordered(monitor: Mapping[str, Any], kind: str, name: str, file: str) -> set[str]:
+    """The names of the interfaces of a kind that are put in order. Raises `ConfigError`."""
+    names = set()
+    for number, item in enumerate(_section(monitor, f"ordered_{kind}s", name, file)):
+        found = item.get("name") if isinstance(item, Mapping) else item
+        if not isinstance(found, str):
+            raise ConfigError(f"{file}: ordered_{kind}s[{number}] of monitor '{name}' has no name: {item!r}")
+        names.add(_slashed(found))
+    return names
 
 
 def _interface(
@@ -153,14 +237,16 @@ def _interface(
         raise ConfigError(
             f"{file}: a {kind} of monitor '{monitor}' has no name, or one that ROS does not allow: {name!r}"
         )
-    ordering = item.get("ordering") if isinstance(item.get("ordering"), Mapping) else {}
-    assert isinstance(ordering, Mapping)  # noqa: S101 -- the line above
+    place = f"{file}: {kind} {name} of monitor '{monitor}'"
+    action, ordering = item.get("action") or "log", _ordering(item, place)
+    if action not in ("log", "filter"):
+        raise ConfigError(f"{place}: `action: {action}` is neither `log` nor `filter`")
     by = ordering.get("order_by", ordering.get("source"))
     found = Interface(
         name=_slashed(name),
         kind=kind,
         type=str(item.get("type", "")),
-        filtered=item.get("action") == "filter",
+        filtered=action == "filter",
         subscribers="subscribers" in item or item.get("side") == "subscribers",
         reordered=bool(ordering.get("enabled", bool(ordering))),
         delay=ordering.get("max_delay_ms") if isinstance(ordering.get("max_delay_ms"), int) else None,
@@ -168,23 +254,45 @@ def _interface(
         bare=_slashed(name) != name,
         events=_words(item.get("event_kinds", item.get("event_kind"))),
     )
-    if item.get("ordered") and not found.reordered:
-        found.lost.append("`ordered: true` alone put nothing in order there")
-    if by is not None and found.stamp is None:
-        found.lost.append(f"ordered by `{by}`")
-    if found.filtered and kind == "topic" and not {"publishers", "subscribers", "side"} & item.keys():
-        found.lost.append("without `publishers` or `subscribers` its filter did nothing there; here it does")
-    found.lost += [f"`{key}`" for key in sorted(set(item) - _KNOWN["interface"])]
-    if "warning" in item:
-        found.lost.append(
-            "`warning`: every outcome is recorded; with 2, `currently_false` passed a filter in version 1"
-        )
+    found.lost += _lost(item, found, ordering)
     return found
+
+
+def _ordering(item: Mapping[str, Any], place: str) -> Mapping[str, Any]:
+    found = item.get("ordering")
+    if isinstance(found, bool | None):
+        return {}
+    if not isinstance(found, Mapping):
+        raise ConfigError(f"{place}: `ordering` is no mapping; write `ordering: {{enabled: true, max_delay_ms: …}}`")
+    return found
+
+
+def _lost(item: Mapping[str, Any], interface: Interface, ordering: Mapping[str, Any]) -> Iterator[str]:
+    """What an interface's item says that has no counterpart."""
+    if (item.get("ordered") or item.get("ordering") is True) and not interface.reordered:
+        yield f"`{'ordered' if item.get('ordered') else 'ordering'}: true` alone put nothing in order there"
+    if ordering.get("max_delay_ms") != interface.delay:
+        yield f"`max_delay_ms: {ordering['max_delay_ms']}`, which is no whole number"
+    by = ordering.get("order_by", ordering.get("source"))
+    if by is not None and interface.stamp is None:
+        yield f"ordered by `{by}`"
+    if interface.filtered and interface.kind == "topic" and not {"publishers", "subscribers", "side"} & item.keys():
+        yield "without `publishers` or `subscribers` its filter did nothing there; here it does"
+    yield from (f"`{key}`" for key in _others(item, "interface"))
+    for word in interface.events:
+        if word not in _OF_EVENTS and word not in _NO_EVENTS:
+            yield f"`event_kind: {word}`, which is no kind of an action's events"
+    if "warning" in item:
+        yield "`warning`: every outcome is recorded; with 2, `currently_false` passed a filter in version 1"
+
+
+def _others(found: Mapping[Any, Any], what: str) -> list[str]:
+    return sorted(str(key) for key in found if key not in _KNOWN[what])
 
 
 def _words(value: object) -> tuple[str, ...]:
     found = value if isinstance(value, list) else [value]
-    return tuple(word for word in found if isinstance(word, str))
+    return tuple(str(word) for word in found if word is not None)
 
 
 def _slashed(name: str) -> str:

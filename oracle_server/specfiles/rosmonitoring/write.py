@@ -7,8 +7,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import yaml
-
 from oracle_server.core.errors import one_line
 from oracle_server.core.formula.tree import Historically, Once, Since, walk
 from oracle_server.rostypes.known import Types
@@ -16,7 +14,7 @@ from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.rosmonitoring.actions import action_lines, action_of, lost_of
 from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.cel import TODO as UNWRITTEN
-from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, read_config
+from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, load_config
 from oracle_server.specfiles.rosmonitoring.draft import TODO, Draft, make_draft, streams_of
 from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.module import read_module
@@ -30,13 +28,7 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None, types
             f"{config}: Python, and no configuration (.yaml): a property module is given by --properties, as in "
             f"`oracle-server import CONFIG --properties {config.name}`"
         )
-    try:
-        value = yaml.safe_load(config.read_bytes())
-    except OSError as error:
-        raise ConfigError(f"{config}: can't be read: {error.strerror}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise ConfigError(f"{config}: not YAML: {one_line(' '.join(str(error).split()))}") from None
-    read = read_config(value, str(config))
+    read = load_config(config)
     draft = make_draft(read, [read_module(path) for path in modules], types)
     text = spec_text(read, draft, config.name)
     findings = write_spec(text, out, types)
