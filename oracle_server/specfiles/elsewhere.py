@@ -34,6 +34,8 @@ def _unusable(url: str) -> str | None:
         return f"can't be read: {error}"
     if not parts.hostname or re.search(r"[\s\x00-\x1f]", url):
         return "names no host"
+    if parts.hostname in ("ws", "wss", "http", "https") and parts.path.startswith("//"):
+        return "has two schemes; write it as `ws://host:port`"
     if port == 0:
         return "has port 0, which nothing listens on"
     if parts.username is not None or parts.password is not None:

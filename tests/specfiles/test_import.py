@@ -7,10 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+from oracle_server.core.errors import SpecError
 from oracle_server.core.spec import External
 from oracle_server.core.stamps import Stamp
 from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.rosmonitoring.config import read_config
+from oracle_server.specfiles.rosmonitoring.draft import make_draft
+from oracle_server.specfiles.rosmonitoring.write import spec_text
 from tests.whole.harness import failed, run
 
 FIRST = """
@@ -136,6 +141,31 @@ def test_the_rewrite_keeps_its_delays_and_stamps(tmp_path: Path) -> None:
     assert (pose.stamp, pose.ordered, scan.ordered) == (Stamp("header.stamp"), True, False)
     assert "`ordered: true` alone put nothing in order there" in text
     assert "`colour` of monitor" in text
+
+
+@pytest.mark.parametrize(
+    ("oracle", "url", "timeout"),
+    [
+        ("{url: 10.0.0.1, port: 8081, timeout: '3.5'}", "ws://10.0.0.1:8081", "3500ms"),
+        ("{url: 'ws://127.0.0.1', port: 8080}", "ws://127.0.0.1:8080", "2000ms"),
+        ("{url: 'wss://judge:9000/rml', port: 8080}", "wss://judge:9000/rml", "2000ms"),
+        ("{url: '[::1]', port: '81', timeout: }", "ws://[::1]:81", "2000ms"),
+        ("", "ws://127.0.0.1:8080", "2000ms"),
+    ],
+)
+def test_the_address_of_an_oracle_keeps_what_it_says(oracle: str, url: str, timeout: str) -> None:
+    value = {"id": "m", "oracle": yaml.safe_load(oracle), "topics": [{"name": "a", "type": "std_msgs/Bool "}]}
+    config = read_config({"monitors": [{"monitor": value}]}, "config.yaml")
+    text = spec_text(config, make_draft(config, []), "config.yaml")
+    (judge,) = parse_spec(text, "spec.yaml").spec.properties
+    assert judge.external is not None
+    assert (judge.external.url, config.timeout) == (url, float(timeout.removesuffix("ms")) / 1000)
+
+
+def test_an_address_with_two_schemes_is_refused() -> None:
+    spec = "id: x\nstreams: [{topic: /a}]\nproperties: [{id: p, engine: external, url: 'ws://ws://127.0.0.1:8080'}]\n"
+    with pytest.raises(SpecError, match="has two schemes"):
+        parse_spec(spec, "spec.yaml")
 
 
 def test_what_several_places_say_of_an_interface_is_put_together(tmp_path: Path) -> None:
@@ -349,6 +379,20 @@ def test_stubs_make_what_reads_them_unknown(tmp_path: Path) -> None:
         ("monitors: [{monitor: {topics: [{type: x}]}}]", "has no name"),
         ("a: [", "not YAML"),
         (one("topics: [{name: a}, /b, c]"), "topics[1] of monitor 'm' is '/b'; write what it is, as in `{name: "),
+        (
+            one("topics: [{name: a, type: String}]"),
+            "topic a of monitor 'm': `type: String` is no name of a type; write",
+        ),
+        (one("topics: [{name: a, type: [1]}]"), "`type: [1]` is no name of a type"),
+        (one("topics: [{name: a, type: 'x.msg.S # y'}]"), "`type: x.msg.S # y` is no name of a type"),
+        (one("oracle: {timeout: 2s}, topics: [{name: a}]"), "the oracle of monitor 'm': `timeout: 2s` is no number of"),
+        (one("oracle: {timeout: none}, topics: [{name: a}]"), "`timeout: none` is no number of seconds"),
+        (one("oracle: {timeout: .inf}, topics: [{name: a}]"), "`timeout: inf` is no number of seconds"),
+        (one("oracle: {timeout: -1}, topics: [{name: a}]"), "`timeout: -1` is no number of seconds"),
+        (one("oracle: {timeout: [2]}, topics: [{name: a}]"), "`timeout: [2]` is no number of seconds"),
+        (one("oracle: {port: 80a}, topics: [{name: a}]"), "`port: 80a` is no number from 1 to 65535"),
+        (one("oracle: {url: '[::1', port: 80}, topics: [{name: a}]"), "`url: [::1` can't be read"),
+        (one("oracle: 127.0.0.1, topics: [{name: a}]"), "the oracle of monitor 'm' is no mapping"),
         (one("topics: 5"), "`topics` of monitor 'm' is no list"),
         (one("topics: [{name: a}], services: {name: x, action: filter}"), "`services` of monitor 'm' is no list"),
         (one("topics: [{name: a}], ordered_topics: {a: 1}"), "`ordered_topics` of monitor 'm' is no list"),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+from urllib.parse import urlsplit
 
 import yaml
 
@@ -133,7 +135,7 @@ def read_config(value: object, file: str) -> Config:
         monitor = item.get("monitor", item) if isinstance(item, Mapping) else None
         if not isinstance(monitor, Mapping):
             raise ConfigError(f"{file}: monitors[{number}] is not a mapping")
-        name = str(monitor.get("id", f"monitor_{number}"))
+        name = str(monitor.get("id") or f"monitor_{number}")
         config.name = name if number == 0 else config.name
         _add_monitor(config, monitor, name, file, first=number == 0)
     if not config.interfaces:
@@ -142,11 +144,11 @@ def read_config(value: object, file: str) -> Config:
 
 
 def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: str, *, first: bool) -> None:
-    oracle = monitor.get("oracle") if isinstance(monitor.get("oracle"), Mapping) else {}
-    assert isinstance(oracle, Mapping)  # noqa: S101 -- the line above
+    oracle, place = monitor.get("oracle") or {}, f"{file}: the oracle of monitor '{name}'"
+    if not isinstance(oracle, Mapping):
+        raise ConfigError(f"{place} is no mapping; write `oracle: {{url: 127.0.0.1, port: 8080}}`")
     if first:
-        config.url = f"ws://{oracle.get('url', '127.0.0.1')}:{oracle.get('port', 8080)}"
-        config.timeout = float(oracle.get("timeout") or 2.0)
+        config.url, config.timeout = _address(oracle, place), _timeout(oracle, place)
     elif oracle:
         config.lost.append(f"the oracle of monitor '{name}': one spec has one oracle here; import it by itself")
     reasons = {
@@ -172,6 +174,34 @@ def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: st
                 _merge(known, interface, name, file)
         unknown = sorted(ordered - {interface.name for interface in listed})
         config.lost += [f"`ordered_{kind}s` of monitor '{name}': {n} is none of its {kind}s" for n in unknown]
+
+
+def _address(oracle: Mapping[str, Any], place: str) -> str:
+    """The address of an oracle, with the scheme and the port that its `url` has, if any. Raises `ConfigError`."""
+    url, port = str(oracle.get("url") or "127.0.0.1"), oracle.get("port")
+    port = 8080 if port is None else port
+    if isinstance(port, bool) or not re.fullmatch(r"[0-9]{1,5}", str(port)) or not 0 < int(port) < 2**16:
+        raise ConfigError(f"{place}: `port: {port}` is no number from 1 to 65535")
+    try:
+        parts = urlsplit(url if "://" in url else f"ws://{url}")
+        own = parts.port
+    except ValueError as error:
+        raise ConfigError(f"{place}: `url: {url}` can't be read: {error}") from None
+    host = parts.netloc if own is not None else f"{parts.netloc.removesuffix(':')}:{port}"
+    return parts._replace(netloc=host).geturl()
+
+
+def _timeout(oracle: Mapping[str, Any], place: str) -> float:
+    found = oracle.get("timeout")
+    if found is None:
+        return 2.0
+    try:
+        seconds = float(found)
+    except (TypeError, ValueError, OverflowError):
+        seconds = math.nan
+    if isinstance(found, bool) or not 0 < seconds < math.inf:
+        raise ConfigError(f"{place}: `timeout: {found}` is no number of seconds greater than 0; write `timeout: 2`")
+    return seconds
 
 
 def _merge(known: Interface, other: Interface, monitor: str, file: str) -> None:
@@ -245,7 +275,7 @@ def _interface(
     found = Interface(
         name=_slashed(name),
         kind=kind,
-        type=str(item.get("type", "")),
+        type=_type(item.get("type"), kind, place),
         filtered=action == "filter",
         subscribers="subscribers" in item or item.get("side") == "subscribers",
         reordered=bool(ordering.get("enabled", bool(ordering))),
@@ -256,6 +286,17 @@ def _interface(
     )
     found.lost += _lost(item, found, ordering)
     return found
+
+
+def _type(value: object, kind: Literal["topic", "service", "action"], place: str) -> str:
+    """A type as it is written, of two or three parts; empty where there is none. Raises `ConfigError`."""
+    found = "" if value is None else value
+    if not isinstance(found, str) or not re.fullmatch(r"\s*(\w+[./]\w+([./]\w+)?)?\s*", found):
+        raise ConfigError(
+            f"{place}: `type: {found}` is no name of a type; write its package, too, as in "
+            f"`package.{_KINDS[kind]}.Type`"
+        )
+    return found.strip()
 
 
 def _ordering(item: Mapping[str, Any], place: str) -> Mapping[str, Any]:
