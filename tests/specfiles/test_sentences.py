@@ -66,6 +66,8 @@ def refusal_of(line: str) -> str:
          "{level < 20} -> once[:2s] {docked}"),
         ("requirement: whenever low, the robot shall immediately satisfy docking.", "steps",
          "{level < 20} -> {docked}"),
+        ("requirement: Where low the robot shall immediately satisfy docking", "steps",
+         "{level < 20} and not pre {level < 20} -> {docked}"),
         ("requirement: if low & !auto then robot shall next satisfy docking", "steps",
          'pre ({level < 20} and not {mode: "AUTO"} and not pre ({level < 20} and not {mode: "AUTO"})) -> {docked}'),
     ],

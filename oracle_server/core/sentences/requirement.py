@@ -101,7 +101,7 @@ def _trigger(reader: Reader, scope: Scope) -> Formula:
     condition = _either(reader) if word else None
     reader.word(",")
     reader.word("then")
-    return timings.trigger(scope, condition, each=word is not None and word.text.lower() in ("whenever", "where"))
+    return timings.trigger(scope, condition, each=word is not None and word.text.lower() == "whenever")
 
 
 def _component(reader: Reader) -> None:

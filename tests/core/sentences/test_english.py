@@ -58,7 +58,7 @@ MODES = {
     "before m, ": english.before_mode,
     "after m, ": english.after_mode,
 }
-CONDITIONS = {"": "", "when c, ": "when", "whenever c ": "whenever"}
+CONDITIONS = {"": "", "when c, ": "when", "where c ": "when", "whenever c ": "whenever"}
 TIMINGS = {
     "immediately": english.immediately,
     "at the next timepoint": english.at_next,
