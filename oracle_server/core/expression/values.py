@@ -17,7 +17,8 @@ from oracle_server.core.expression.cost import MAX_NESTING, Frame, charge
 from oracle_server.core.expression.stops import Absent, Failed
 
 _LEAST, _MOST, _UNSIGNED = -(2**63), 2**63, 2**64
-_REAL = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
+_REAL = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE | re.ASCII)
+"""A text that `float()` reads: without ASCII, IGNORECASE takes dotless and dotted I of Turkish for `i`."""
 _WHOLE = re.compile(r"[+-]?[0-9]{1,20}")
 NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 NO_ORDER = "NaN is neither less nor more than any number; ask for `!= 'NaN'` first"
