@@ -13,7 +13,8 @@ from oracle_server.core.atoms import canonical, meets
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import Literal as Written
 from oracle_server.core.expression import parse_expression, results
-from oracle_server.core.formula.tree import Constraint, Limit, Scalar, Signal
+from oracle_server.core.formula.tree import Any as AnyValue
+from oracle_server.core.formula.tree import Constraint, Limit, Ref, Scalar, Signal
 from oracle_server.core.shapes import WHOLE_NUMBERS, Record, Value
 from oracle_server.core.signals import is_signal
 
@@ -58,7 +59,9 @@ class Range:
 
     def meets(self, constraints: Sequence[Constraint]) -> bool:
         """Whether some value meets all constraints, which are on one signal."""
-        return any(all(meets(c, v) for c in constraints) for v in self.telling(constraints))
+        excluded = {_key(c.value) for c in constraints if c.op == "!=" and isinstance(c.value, str | int | float)}
+        few = _fewest(constraints)
+        return any(_key(v) not in excluded and all(meets(c, v) for c in few) for v in self.telling(constraints))
 
     def always_meets(self, constraint: Constraint) -> bool:
         """Whether every value meets a constraint; not known of one that compares with a signal or variable."""
@@ -135,3 +138,36 @@ def _numbers(wanted: Iterable[float]) -> Iterator[Scalar]:
     marks = sorted({Fraction(w) for w in wanted}) or [Fraction(0)]
     between = [(low + high) / 2 for low, high in pairwise(marks)]
     yield from (marks[0] - 1, *marks, *between, marks[-1] + 1)  # type: ignore[misc] # fractions compare as numbers do
+
+
+def _key(value: Scalar) -> tuple[str, Scalar]:
+    """Equal for equal values alone: Python takes 1 and True for the same."""
+    return "text" if isinstance(value, str) else "boolean" if isinstance(value, bool) else "number", value
+
+
+def _fewest(constraints: Sequence[Constraint]) -> list[Constraint]:
+    """What is left of constraints on one signal without those that others of them imply, and those with `!=`.
+
+    An atom may have thousands, of which each value that is tried would be asked.
+    """
+    bounds: dict[str, Constraint] = {}
+    others: dict[object, Constraint] = {}
+    for c in constraints:
+        if isinstance(c.value, AnyValue | Ref) or (c.op == "!=" and isinstance(c.value, str | int | float)):
+            continue
+        if isinstance(c.value, Signal | Limit):
+            others["compared"] = c
+        elif c.op == "==" or isinstance(c.value, str | bool):
+            others[c.op, _key(c.value)] = c
+        else:
+            known = bounds.get(c.op[0])
+            if known is None or _narrower(c, known):
+                bounds[c.op[0]] = c
+    return [*bounds.values(), *others.values()]
+
+
+def _narrower(one: Constraint, other: Constraint) -> bool:
+    """Whether a bound, of two on the same side, leaves fewer numbers."""
+    if one.value == other.value:
+        return len(one.op) == 1
+    return bool(one.value > other.value) is (one.op[0] == ">")  # type: ignore[operator] # both are numbers
