@@ -15,6 +15,8 @@ from oracle_server.specfiles.rosmonitoring.fields import member, there
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
+    Function,
+    Imported,
     Items,
     Kept,
     Leaf,
@@ -63,28 +65,35 @@ class State:
 
     variables: dict[str, Value] = field(default_factory=dict)
     predicates: dict[str, Value] = field(default_factory=dict)
-    functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
+    around: State | None = None
+    """The state of the function around this one."""
 
     def copy(self) -> State:
         """The same values, which change by themselves."""
-        return State(dict(self.variables), dict(self.predicates), dict(self.functions))
+        return State(dict(self.variables), dict(self.predicates), self.around)
+
+    def owner(self, name: str) -> State | None:
+        """Where a variable is found: here, in a function around this one, or nowhere."""
+        state: State | None = self
+        while state is not None and name not in state.variables:
+            state = state.around
+        return state
 
 
 class Module(Protocol):
     """What expressions need of the module around them; `statements.Machine` is one."""
 
-    constants: Mapping[str, Value]
     initial: Mapping[str, Value]
     flags: frozenset[str]
     changing: frozenset[str]
     stream: Stream | None
 
-    def function(self, name: str, state: State) -> ast.FunctionDef | None:
-        """A function of this name, None where there is none."""
+    def find(self, name: str, state: State) -> Value | None:
+        """What a name stands for, None where the module does not bind it. Raises `UntranslatableError`."""
         ...
 
     def call(self, name: str, node: ast.Call, state: State) -> Value:
-        """What a call of it is worth. Raises `UntranslatableError`."""
+        """What a call of a function of the module is worth. Raises `UntranslatableError`."""
         ...
 
     def assign(self, target: ast.expr, value: Value, state: State) -> None:
@@ -112,7 +121,9 @@ class _Reader:
                 return self._joined(parts)
             case ast.Subscript(base, index):
                 return operators.pairs(self.value(base), self._index(index), self._item)
-            case ast.Attribute(ast.Name("math"), name) if isinstance(getattr(math, name, None), float):
+            case ast.Attribute(ast.Name(where), name) if self._is_math(where) and isinstance(
+                getattr(math, name, None), float
+            ):
                 return Const(getattr(math, name))
             case ast.BoolOp(op, [first, *rest]):
                 return collapsed(self._short(op, first, rest))
@@ -139,18 +150,20 @@ class _Reader:
         raise UntranslatableError
 
     def _name(self, name: str) -> Value:
-        if name in self.state.variables:
-            found = self.state.variables[name]
-            if any(isinstance(leaf, Unread) for leaf in leaves(found)):
-                raise UntranslatableError
-            return found
-        if name in self.machine.changing:
+        if name in self.machine.changing and self.state.owner(name) is None:
             raise UntranslatableError
-        if name == "predicates":
+        found = self.machine.find(name, self.state)
+        if found is None and name == "predicates":
             return Predicates()
-        if name in self.machine.constants:
-            return self.machine.constants[name]
-        raise UntranslatableError
+        if found is None or any(isinstance(leaf, Unread | Function | Imported) for leaf in leaves(found)):
+            raise UntranslatableError
+        return found
+
+    def _is_math(self, name: str) -> bool:
+        return self.machine.find(name, self.state) == Imported("math")
+
+    def _is_builtin(self, *names: str) -> bool:
+        return all(self.machine.find(name, self.state) is None for name in names)
 
     def _joined(self, parts: list[ast.expr]) -> Value:
         text = ""
@@ -262,6 +275,8 @@ class _Reader:
         if not isinstance(left, Const) or not isinstance(left.value, str):
             return None
         key, known = left.value, None
+        if isinstance(where, Predicates) and isinstance(self.machine.initial.get(key), Unread):
+            raise UntranslatableError
         if isinstance(where, Message) and stream is not None:
             if stream.hides(key):
                 raise UntranslatableError
@@ -294,18 +309,20 @@ class _Reader:
 
     def _call(self, node: ast.Call) -> Value:  # noqa: PLR0911 -- a case a kind of call
         match node:
+            case ast.Call(ast.Name(name)) if isinstance(self.machine.find(name, self.state), Function):
+                return self.machine.call(name, node, self.state)
+            case ast.Call(ast.Name(name)) if not self._is_builtin(name):
+                raise UntranslatableError
             case ast.Call(ast.Name("dict"), [], keywords) if keywords and all(k.arg for k in keywords):
                 return self._table([ast.Constant(k.arg) for k in keywords], [k.value for k in keywords])
-            case ast.Call(ast.Name("isinstance"), [value, ast.Name(wanted)], []):
+            case ast.Call(ast.Name("isinstance"), [value, ast.Name(wanted)], []) if self._is_builtin(wanted):
                 return each(self.value(value), lambda leaf: calls.kind_of(leaf, wanted))
             case ast.Call(ast.Name("isinstance") as asked, [value, ast.Tuple([_, *_] as several)], []):
                 tests: list[ast.expr] = [ast.Call(asked, [value, one], []) for one in several]
                 return self._short(ast.Or(), tests[0], tests[1:])
-            case ast.Call(ast.Name(name), arguments, keywords) if self.machine.function(name, self.state) is not None:
-                return self.machine.call(name, node, self.state)
             case ast.Call(ast.Name(name), arguments, []):
                 return calls.function(name, [self.value(a) for a in arguments])
-            case ast.Call(ast.Attribute(ast.Name("math"), name), arguments, []):
+            case ast.Call(ast.Attribute(ast.Name(where), name), arguments, []) if self._is_math(where):
                 return calls.mathematics(name, [self.value(a) for a in arguments])
             case ast.Call(ast.Attribute(base, name), arguments, keywords):
                 found, given = self.value(base), [self.value(a) for a in arguments]

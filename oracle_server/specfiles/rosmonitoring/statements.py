@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,29 +12,29 @@ from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
 from oracle_server.specfiles.rosmonitoring.operators import arithmetic
+from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, bound, root
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
+    Function,
+    Imported,
     Items,
     Kept,
     Leaf,
     Raises,
     Term,
+    UnfollowableError,
     Unread,
     UntranslatableError,
     Value,
     choice,
+    containers,
     each,
     same,
 )
 
 _MAX_STEPS = 4000
 _MAX_DEPTH = 16
-_LOGS = frozenset({"print", "logging", "logger", "log", "rospy", "sys", "warnings"})
-
-
-class UnfollowableError(UntranslatableError):
-    """A statement whose effect on the predicates is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,42 +47,48 @@ class End:
 
 @dataclass(slots=True)
 class Machine:
-    """A module's constants, functions and initial predicates, and the stream whose message is followed.
+    """A module's names and initial predicates, and the stream whose message is followed, None for the module itself.
 
-    `flags` are the predicates that are never anything but Booleans, `changing` the names that keep something from one
-    message to the next.
+    `constants` are what its names stand for, functions among them; others stand for what Python has built in, unless
+    the module is `opaque`: then they may stand for anything. `flags` are the predicates that are never anything but
+    Booleans, `changing` the names that keep something from one message to the next.
     """
 
     constants: Mapping[str, Value] = field(default_factory=dict)
-    functions: Mapping[str, ast.FunctionDef] = field(default_factory=dict)
     initial: Mapping[str, Value] = field(default_factory=dict)
     flags: frozenset[str] = frozenset()
     changing: frozenset[str] = frozenset()
+    scope: Scope = field(default_factory=Scope)
     stream: Stream | None = None
+    opaque: bool = False
     steps: int = 0
     depth: int = 0
 
-    def function(self, name: str, state: State) -> ast.FunctionDef | None:
-        """A function of the module, or one defined inside of the function."""
-        return state.functions.get(name, self.functions.get(name))
+    def find(self, name: str, state: State) -> Value | None:
+        """What a name stands for, None where the module does not bind it. Raises `UntranslatableError`."""
+        owner = state.owner(name)
+        found = self.constants.get(name) if owner is None else owner.variables[name]
+        if found is None and self.opaque and name not in ("predicates", "dict"):  # which nobody else calls so
+            raise UntranslatableError
+        return found
 
     def call(self, name: str, node: ast.Call, state: State) -> Value:
         """What a function that assigns nothing outside returns. Raises `UntranslatableError`."""
-        called = self.function(name, state)
-        assert called is not None  # noqa: S101 -- the caller has looked
-        if _changes(called):
+        called = self.find(name, state)
+        if not isinstance(called, Function):
+            raise UntranslatableError
+        if _changes(called.node):
             raise UnfollowableError
         end = self._enter(called, node, state)
         return Const(None) if end.returned is None else end.returned
 
-    def _enter(self, called: ast.FunctionDef, node: ast.Call, state: State) -> End:
+    def _enter(self, called: Function, node: ast.Call, state: State) -> End:
         if self.depth >= _MAX_DEPTH:
             raise UntranslatableError
-        inner = State({**state.variables} if called.name in state.functions else {}, state.predicates, state.functions)
-        inner.variables.update(self._arguments(called, node, state))
+        inner = State(self._arguments(called.node, node, state), state.predicates, state.owner(called.node.name))
         self.depth += 1
         try:
-            return self.follow(called.body, inner)
+            return self.follow(called.node.body, inner)
         finally:
             self.depth -= 1
 
@@ -110,6 +117,8 @@ class Machine:
             except UnfollowableError:
                 raise
             except UntranslatableError:
+                if self.stream is None and not self.depth:  # what the module itself does counts for all that follows
+                    raise UnfollowableError from None
                 self._leave(statement, state)
                 continue
             if end is not None:
@@ -133,14 +142,37 @@ class Machine:
             case ast.Try(body, [_, *_], orelse, []):
                 return self._try(statement, rest, state)
             case ast.FunctionDef(name):
-                state.functions[name] = statement
+                self.assign(ast.Name(name), Function(statement), state)
             case ast.Expr(ast.Call() as call):
                 return self._called(call, state)
-            case ast.Pass() | ast.Import() | ast.ImportFrom() | ast.Global() | ast.Expr(ast.Constant()):
+            case ast.Import() | ast.ImportFrom():
+                self._import(statement, state)
+            case ast.Pass() | ast.Global() | ast.Expr(ast.Constant()) | ast.AnnAssign(value=None):
                 pass
             case _:
                 raise UntranslatableError
         return None
+
+    def _import(self, statement: ast.Import | ast.ImportFrom, state: State) -> None:
+        """What is imported is not known, but where it is Python's own `math`."""
+        where = "" if isinstance(statement, ast.Import) else f"{'.' * statement.level}{statement.module or ''}."
+        for alias in statement.names:
+            if alias.name != "*":
+                name = alias.name if alias.asname else alias.name.split(".")[0]
+                self.assign(ast.Name(alias.asname or name), Imported(where + name), state)
+            elif where == "math.":
+                state.variables |= {name: Imported(where + name) for name in vars(math) if not name.startswith("_")}
+            else:
+                raise UnfollowableError
+
+    def visible(self, state: State) -> list[tuple[str, Value]]:
+        """All names and what they stand for, those of the functions around and of the module among them."""
+        found = [*self.constants.items()] if state.variables is not self.constants else []
+        while True:
+            found += state.variables.items()
+            if state.around is None:
+                return found
+            state = state.around
 
     def _return(self, value: ast.expr | None, state: State) -> End:
         try:
@@ -180,6 +212,12 @@ class Machine:
                 raise UnfollowableError
 
     def _augmented(self, target: ast.expr, op: ast.operator, value: ast.expr, state: State) -> Value:
+        """Raises `UnfollowableError` where a list grows that has another name, too."""
+        if isinstance(target, ast.Name):
+            own = set(containers(self.find(target.id, state)))
+            names = {name for name, other in self.visible(state) if own & set(containers(other))}
+            if names - {target.id}:
+                raise UnfollowableError
         return arithmetic(evaluate(target, state, self), op, evaluate(value, state, self))
 
     def _branch(
@@ -194,7 +232,7 @@ class Machine:
         yes = self.follow([*body, *more], state.copy())
         no = self.follow([*orelse, *more], state.copy())
         merged = _merged(test, yes.state, no.state)
-        state.variables, state.predicates, state.functions = merged.variables, merged.predicates, merged.functions
+        state.variables, state.predicates = merged.variables, merged.predicates
         if not ends and yes.returned is None and no.returned is None:
             return None
         if not ends:  # one of them fails: what comes after it counts for the other alone
@@ -245,19 +283,17 @@ class Machine:
 
     def _called(self, call: ast.Call, state: State) -> End | None:
         match call:
-            case ast.Call(ast.Name(name)) if name in _LOGS:
+            case ast.Call(ast.Name(name)) if isinstance(called := self.find(name, state), Function):
+                end = self._enter(called, call, state)
+                state.predicates = end.state.predicates
+                return End(end.returned, state) if isinstance(end.returned, Raises) else None
+            case ast.Call(ast.Name(name)) if name in LOGS:
                 return None
-            case ast.Call(ast.Attribute(value)) if _root(value) in _LOGS:
+            case ast.Call(ast.Attribute(value)) if root(value) in LOGS:
                 return None
             case ast.Call(ast.Attribute(ast.Name("predicates"), "update"), arguments, keywords):
                 self._update(arguments, keywords, state)
                 return None
-            case ast.Call(ast.Name(name)) if self.function(name, state) is not None:
-                called = self.function(name, state)
-                assert called is not None  # noqa: S101 -- the line above
-                end = self._enter(called, call, state)
-                state.predicates = end.state.predicates
-                return End(end.returned, state) if isinstance(end.returned, Raises) else None
         raise UnfollowableError
 
     def _update(self, arguments: list[ast.expr], keywords: list[ast.keyword], state: State) -> None:
@@ -279,42 +315,41 @@ class Machine:
     def _leave(self, statement: ast.stmt, state: State) -> None:
         """Mark what a statement that can't be read assigns. Raises `UnfollowableError` where that is not known."""
         python = ast.unparse(statement)
+        for name in bound([statement]):
+            self.assign(ast.Name(name), Unread(python), state)
         for node in ast.walk(statement):
             match node:
                 case ast.Return() | ast.Delete() | ast.Global() | ast.FunctionDef() | ast.Await() | ast.Yield():
                     raise UnfollowableError
-                case ast.Name(name, ast.Store()):
-                    state.variables[name] = Unread(python)
                 case ast.Subscript(ast.Name("predicates"), ast.Constant(str() as key), ast.Store()):
                     state.predicates[key] = Unread(python)
                 case ast.Subscript(ctx=ast.Store()) | ast.Attribute(ctx=ast.Store()):
                     raise UnfollowableError
                 case ast.Call(ast.Name(name), arguments):
                     given = any(isinstance(a, ast.Name) and a.id == "predicates" for a in arguments)
-                    if (given and name not in _LOGS) or _changes(self.function(name, state)):
+                    if (given and name not in LOGS) or self._changes(name, state):
                         raise UnfollowableError
                 case ast.Call(ast.Attribute(ast.Name("predicates"), name)) if name != "get":
                     raise UnfollowableError
                 case ast.Call(_, arguments) if any(isinstance(a, ast.Name) and a.id == "predicates" for a in arguments):
                     raise UnfollowableError
 
+    def _changes(self, name: str, state: State) -> bool:
+        try:
+            called = self.find(name, state)
+        except UntranslatableError:
+            return False
+        return isinstance(called, Function) and _changes(called.node)
 
-def _changes(function: ast.FunctionDef | None) -> bool:
+
+def _changes(function: ast.FunctionDef) -> bool:
     """Whether a function assigns to something outside of it."""
     stores = (ast.Subscript, ast.Attribute)
-    return function is not None and any(
-        isinstance(n, stores) and isinstance(n.ctx, ast.Store) for n in ast.walk(function)
-    )
-
-
-def _root(node: ast.expr) -> str:
-    while isinstance(node, ast.Attribute | ast.Call):
-        node = node.value if isinstance(node, ast.Attribute) else node.func
-    return node.id if isinstance(node, ast.Name) else ""
+    return any(isinstance(n, stores) and isinstance(n.ctx, ast.Store) for n in ast.walk(function))
 
 
 def _merged(test: Value, yes: State, no: State) -> State:
-    found = State(functions=yes.functions)
+    found = State(around=yes.around)
     for name in dict.fromkeys((*yes.variables, *no.variables)):
         a, b = yes.variables.get(name, Raises("UnboundLocalError")), no.variables.get(name, Raises("UnboundLocalError"))
         found.variables[name] = _chosen(test, a, b)

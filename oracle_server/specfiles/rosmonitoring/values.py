@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ast
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -15,6 +16,10 @@ MAX_LEAVES = 256
 
 class UntranslatableError(OracleError):
     """Python that has no plain counterpart in CEL."""
+
+
+class UnfollowableError(UntranslatableError):
+    """A statement whose effect on the predicates is not known."""
 
 
 class Variable(str):
@@ -111,6 +116,21 @@ class Unread:
 
 
 @dataclass(frozen=True, slots=True)
+class Function:
+    """A function of the module, with its parameters' defaults, which Python reckons where the function stands."""
+
+    node: ast.FunctionDef
+    defaults: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What another module has: its name, or `module.name`."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Choice:
     """One value where the Boolean `test` holds, another where not."""
 
@@ -119,7 +139,7 @@ class Choice:
     no: Value
 
 
-Leaf = Const | Term | Field | Items | Table | Message | Predicates | Kept | Raises | Unread
+Leaf = Const | Term | Field | Items | Table | Message | Predicates | Kept | Raises | Unread | Function | Imported
 Value = Leaf | Choice
 
 
@@ -172,3 +192,23 @@ def checked(value: Value) -> Value:
     if len(leaves(value)) > MAX_LEAVES:
         raise UntranslatableError
     return value
+
+
+def containers(value: object) -> Iterator[int]:
+    """The identities of what may be changed in a value: of its lists, sets and dicts, and those inside of them."""
+    match value:
+        case Const(inner):
+            yield from containers(inner)
+        case Choice(_, yes, no):
+            yield from (*containers(yes), *containers(no))
+        case Function(_, defaults):
+            yield from (i for v in defaults.values() for i in containers(v))
+        case list() | set() | dict() | Items() | Table():
+            yield id(value)
+    match value:
+        case dict():
+            yield from (i for v in value.values() for i in containers(v))
+        case Table(named):
+            yield from (i for _, v in named for i in containers(v))
+        case list() | tuple() | Items():
+            yield from (i for v in (value.values if isinstance(value, Items) else value) for i in containers(v))
