@@ -11,6 +11,7 @@ from oracle_server.specfiles.rosmonitoring.calls import function
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
+from oracle_server.specfiles.rosmonitoring.functions import can_be_keys, defined
 from oracle_server.specfiles.rosmonitoring.operators import arithmetic
 from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, bound, root
 from oracle_server.specfiles.rosmonitoring.values import (
@@ -85,7 +86,10 @@ class Machine:
     def _enter(self, called: Function, node: ast.Call, state: State) -> End:
         if self.depth >= _MAX_DEPTH:
             raise UntranslatableError
-        inner = State(self._arguments(called.node, node, state), state.predicates, state.owner(called.node.name))
+        arguments = self._arguments(called.node, node, state)
+        if called.cached and not can_be_keys(arguments.values()):
+            raise UntranslatableError
+        inner = State(arguments, state.predicates, state.owner(called.node.name))
         self.depth += 1
         try:
             return self.follow(called.node.body, inner)
@@ -142,7 +146,8 @@ class Machine:
             case ast.Try(body, [_, *_], orelse, []):
                 return self._try(statement, rest, state)
             case ast.FunctionDef(name):
-                self.assign(ast.Name(name), Function(statement), state)
+                made = defined(statement, lambda name: self.find(name, state), self.scope)
+                self.assign(ast.Name(name), made, state)
             case ast.Expr(ast.Call() as call):
                 return self._called(call, state)
             case ast.Import() | ast.ImportFrom():
