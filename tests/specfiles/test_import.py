@@ -422,6 +422,7 @@ def test_what_is_no_configuration_is_refused_in_one_line(tmp_path: Path, config:
         ("x = 1", "no `PROPERTY"),
         ("PROPERTY = '{p}'", "no function `abstract_message"),
         ("PROPERTY = open('x').read()\ndef abstract_message(m): pass", "not made of constants"),
+        ("PROPERTY = '{p}'\ndef abstract_message(m, limit): pass", "the message alone: give a default to `limit`"),
         ("def f(:", "module.py:1: not Python"),
         (None, "can't be read"),
     ],

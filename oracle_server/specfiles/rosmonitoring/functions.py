@@ -5,12 +5,15 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterable
 
-from oracle_server.specfiles.rosmonitoring.scope import Scope, mentioned, reached
+from oracle_server.specfiles.rosmonitoring.scope import Scope, bound, declared, mentioned, reached
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Function,
     Imported,
+    Raises,
     Term,
+    UnfollowableError,
+    Unread,
     UntranslatableError,
     Value,
     leaves,
@@ -19,8 +22,13 @@ from oracle_server.specfiles.rosmonitoring.values import (
 _CACHES = frozenset({"functools.cache", "functools.lru_cache"})
 
 
-def defined(node: ast.FunctionDef, find: Callable[[str], Value | None], scope: Scope) -> Function:
-    """What a definition makes, where `find` says what names stand for.
+def defined(
+    node: ast.FunctionDef,
+    find: Callable[[str], Value | None],
+    worth: Callable[[ast.expr], Value],
+    scope: Scope,
+) -> Function:
+    """What a definition makes, where `find` says what names stand for, and `worth` what expressions are worth.
 
     Raises `UntranslatableError` where it is decorated by anything but a cache, or a cache keeps what may change.
     """
@@ -28,7 +36,34 @@ def defined(node: ast.FunctionDef, find: Callable[[str], Value | None], scope: S
         raise UntranslatableError
     if node.decorator_list and any("predicates" in mentioned(n) for n in reached(node, scope.definitions)):
         raise UntranslatableError
-    return Function(node, cached=bool(node.decorator_list))
+    return Function(node, _defaults(node.args, worth), cached=bool(node.decorator_list))
+
+
+def _defaults(arguments: ast.arguments, worth: Callable[[ast.expr], Value]) -> dict[str, Value]:
+    """The values of parameters that a call need not give."""
+    names = [*arguments.posonlyargs, *arguments.args]
+    given = list(zip(names[len(names) - len(arguments.defaults) :], arguments.defaults, strict=True))
+    given += [(n, d) for n, d in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True) if d is not None]
+    found: dict[str, Value] = {}
+    for name, default in given:
+        try:
+            found[name.arg] = worth(default)
+        except UnfollowableError:
+            raise
+        except UntranslatableError:
+            found[name.arg] = Unread(ast.unparse(default))
+    return found
+
+
+def parameters(node: ast.FunctionDef) -> list[str]:
+    """The names of a function's parameters, those of `*` and `**` left out."""
+    return [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+
+
+def unbound(node: ast.FunctionDef) -> dict[str, Value]:
+    """A function's own variables before anything is assigned to them: they hide the module's, and fail."""
+    own = bound(node.body) - declared(node.body)
+    return {name: Raises("UnboundLocalError") for name in own}
 
 
 def _is_cache(decorator: ast.expr, find: Callable[[str], Value | None]) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from oracle_server.specfiles.rosmonitoring.config import ConfigError
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream
+from oracle_server.specfiles.rosmonitoring.functions import parameters, unbound
 from oracle_server.specfiles.rosmonitoring.scope import Scope, read_scope
 from oracle_server.specfiles.rosmonitoring.statements import Machine
 from oracle_server.specfiles.rosmonitoring.toplevel import follow_top, sharing
@@ -39,7 +40,7 @@ class PropertyModule:
     @property
     def argument(self) -> str:
         """What the function calls the message."""
-        return self.function.args.args[0].arg
+        return parameters(self.function)[0]
 
     @property
     def python(self) -> str:
@@ -57,8 +58,14 @@ class PropertyModule:
         return Machine(self.constants, self.initial, flags, changing, self.scope, stream, self.opaque)
 
     def start(self) -> State:
-        """The state in which the function begins."""
-        return State({self.argument: Message()})
+        """The state in which the function begins: it is called with the message alone."""
+        function, args = self.constants["abstract_message"], self.function.args
+        state = State(unbound(self.function))
+        state.variables |= function.defaults if isinstance(function, Function) else {}
+        state.variables |= {args.vararg.arg: Const(())} if args.vararg else {}
+        state.variables |= {args.kwarg.arg: Const({})} if args.kwarg else {}
+        state.variables[self.argument] = Message()
+        return state
 
 
 def read_module(path: Path) -> PropertyModule:
@@ -91,8 +98,14 @@ def _module(path: Path, tree: ast.Module) -> PropertyModule:
     if not isinstance(formula, Const) or not isinstance(formula.value, str):
         raise ConfigError(f"{path}: `PROPERTY` is not made of constants; write its text as `PROPERTY = '…'`")
     node = function.node if isinstance(function, Function) else next(_functions(tree), None)
-    if node is None or not node.args.args:
+    if node is None or not (node.args.posonlyargs or node.args.args):
         raise ConfigError(f"{path}: not a property module: it has no function `abstract_message(message)`")
+    wanting = set(parameters(node)[1:]) - function.defaults.keys() if isinstance(function, Function) else set()
+    if wanting:
+        raise ConfigError(
+            f"{path}:{node.lineno}: an oracle gives `abstract_message` the message alone: give a default to "
+            f"`{'`, `'.join(sorted(wanting))}`"
+        )
     name = re.sub(r"[^A-Za-z0-9_.-]", "_", path.stem)[:64]
     return PropertyModule(
         name, " ".join(formula.value.split()), state.predicates, node, state.variables, scope, machine.opaque

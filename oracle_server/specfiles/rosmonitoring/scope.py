@@ -70,6 +70,11 @@ def bound(body: Iterable[ast.AST]) -> set[str]:
     return found
 
 
+def declared(body: Iterable[ast.AST]) -> set[str]:
+    """The names that a scope's statements declare global, or of a function around."""
+    return {name for node in _own(body) if isinstance(node, ast.Global | ast.Nonlocal) for name in node.names}
+
+
 def _own(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
     """The nodes of a scope, without what functions, classes and comprehensions have for themselves."""
     for node in body:

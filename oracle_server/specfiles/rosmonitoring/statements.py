@@ -11,7 +11,7 @@ from oracle_server.specfiles.rosmonitoring.calls import function
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
-from oracle_server.specfiles.rosmonitoring.functions import can_be_keys, defined
+from oracle_server.specfiles.rosmonitoring.functions import can_be_keys, defined, parameters, unbound
 from oracle_server.specfiles.rosmonitoring.operators import arithmetic
 from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, bound, root
 from oracle_server.specfiles.rosmonitoring.values import (
@@ -86,29 +86,30 @@ class Machine:
     def _enter(self, called: Function, node: ast.Call, state: State) -> End:
         if self.depth >= _MAX_DEPTH:
             raise UntranslatableError
-        arguments = self._arguments(called.node, node, state)
+        arguments = self._arguments(called, node, state)
         if called.cached and not can_be_keys(arguments.values()):
             raise UntranslatableError
-        inner = State(arguments, state.predicates, state.owner(called.node.name))
+        inner = State(unbound(called.node) | arguments, state.predicates, state.owner(called.node.name))
         self.depth += 1
         try:
             return self.follow(called.node.body, inner)
         finally:
             self.depth -= 1
 
-    def _arguments(self, called: ast.FunctionDef, node: ast.Call, state: State) -> dict[str, Value]:
-        names = [a.arg for a in (*called.args.posonlyargs, *called.args.args)]
-        if called.args.vararg or called.args.kwarg or called.args.kwonlyargs or len(node.args) > len(names):
+    def _arguments(self, called: Function, node: ast.Call, state: State) -> dict[str, Value]:
+        args = called.node.args
+        names, plain = parameters(called.node), len(args.posonlyargs) + len(args.args)
+        if args.vararg or args.kwarg or len(node.args) > plain:
             raise UntranslatableError
-        defaults = called.args.defaults
-        found = {
-            n: evaluate(d, State(), self) for n, d in zip(names[len(names) - len(defaults) :], defaults, strict=True)
-        }
-        found |= {n: evaluate(a, state, self) for n, a in zip(names, node.args, strict=False)}
+        found = {n: evaluate(a, state, self) for n, a in zip(names, node.args, strict=False)}
         found |= {k.arg: evaluate(k.value, state, self) for k in node.keywords if k.arg in names}
+        found = dict(called.defaults) | found
         if found.keys() != set(names) or any(k.arg not in names for k in node.keywords):
             raise UntranslatableError
         return found
+
+    def _defined(self, node: ast.FunctionDef, state: State) -> Function:
+        return defined(node, lambda name: self.find(name, state), lambda e: evaluate(e, state, self), self.scope)
 
     def follow(self, body: Sequence[ast.stmt], state: State) -> End:
         """Follow statements to their end. Raises `UnfollowableError`."""
@@ -146,8 +147,7 @@ class Machine:
             case ast.Try(body, [_, *_], orelse, []):
                 return self._try(statement, rest, state)
             case ast.FunctionDef(name):
-                made = defined(statement, lambda name: self.find(name, state), self.scope)
-                self.assign(ast.Name(name), made, state)
+                self.assign(ast.Name(name), self._defined(statement, state), state)
             case ast.Expr(ast.Call() as call):
                 return self._called(call, state)
             case ast.Import() | ast.ImportFrom():

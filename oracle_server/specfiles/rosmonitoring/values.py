@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -117,9 +117,13 @@ class Unread:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of the module; `cached` is one that is called only with arguments that can be keys of a dict."""
+    """A function of the module, and its parameters' defaults, which Python reckons where the function stands.
+
+    `cached` is one that is called only with arguments that can be keys of a dict.
+    """
 
     node: ast.FunctionDef
+    defaults: Mapping[str, Value] = field(default_factory=dict)
     cached: bool = False
 
 
@@ -201,6 +205,8 @@ def containers(value: object) -> Iterator[int]:
             yield from containers(inner)
         case Choice(_, yes, no):
             yield from (*containers(yes), *containers(no))
+        case Function(_, defaults):
+            yield from (i for v in defaults.values() for i in containers(v))
         case list() | set() | dict() | Items() | Table():
             yield id(value)
     match value:
