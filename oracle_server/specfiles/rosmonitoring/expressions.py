@@ -12,6 +12,7 @@ from oracle_server.core.typed import TypedMessage
 from oracle_server.specfiles.rosmonitoring import calls, operators
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, inner, number, truth
 from oracle_server.specfiles.rosmonitoring.fields import member, there
+from oracle_server.specfiles.rosmonitoring.scope import Scope
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
@@ -83,9 +84,11 @@ class State:
 class Module(Protocol):
     """What expressions need of the module around them; `statements.Machine` is one."""
 
+    constants: Mapping[str, Value]
     initial: Mapping[str, Value]
     flags: frozenset[str]
     changing: frozenset[str]
+    scope: Scope
     stream: Stream | None
 
     def find(self, name: str, state: State) -> Value | None:

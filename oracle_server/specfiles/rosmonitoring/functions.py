@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterable
 
-from oracle_server.specfiles.rosmonitoring.scope import Scope, bound, declared, mentioned, reached
+from oracle_server.specfiles.rosmonitoring.scope import Scope, bound, declared, mentioned, reached, waits
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Function,
@@ -58,6 +58,18 @@ def _defaults(arguments: ast.arguments, worth: Callable[[ast.expr], Value]) -> d
 def parameters(node: ast.FunctionDef) -> list[str]:
     """The names of a function's parameters, those of `*` and `**` left out."""
     return [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+
+
+def check(node: ast.FunctionDef, *, called: bool) -> None:
+    """Look whether a function can be followed; one that another has `called` may set no variables of others.
+
+    Raises `UnfollowableError`, also where it is a generator, or calls something else `predicates`.
+    """
+    names = {a.arg for a in ast.walk(node.args) if isinstance(a, ast.arg)} | bound(node.body)
+    if "predicates" in names or waits(node.body):
+        raise UnfollowableError
+    if called and any(isinstance(n, ast.Global | ast.Nonlocal) for n in ast.walk(node)):
+        raise UnfollowableError
 
 
 def unbound(node: ast.FunctionDef) -> dict[str, Value]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from oracle_server.specfiles.rosmonitoring.config import ConfigError
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream
-from oracle_server.specfiles.rosmonitoring.functions import parameters, unbound
+from oracle_server.specfiles.rosmonitoring.functions import check, parameters, unbound
 from oracle_server.specfiles.rosmonitoring.scope import Scope, read_scope
 from oracle_server.specfiles.rosmonitoring.statements import Machine
 from oracle_server.specfiles.rosmonitoring.toplevel import follow_top, sharing
@@ -50,10 +50,11 @@ class PropertyModule:
     def machine(self, stream: Stream, flags: frozenset[str]) -> Machine:
         """What follows the function at a message of a stream.
 
-        Raises `UnfollowableError` where the oracle may have called something else.
+        Raises `UnfollowableError` where the oracle may have called something else, or the function can't be followed.
         """
         if not isinstance(self.constants.get("abstract_message"), Function):
             raise UnfollowableError
+        check(self.function, called=False)
         changing = self.scope.changing | sharing(self.constants, self.scope.changing)
         return Machine(self.constants, self.initial, flags, changing, self.scope, stream, self.opaque)
 

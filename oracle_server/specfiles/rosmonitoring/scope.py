@@ -14,7 +14,7 @@ MUTATORS = frozenset({
 """Methods that change what they belong to."""
 LOGS = frozenset({"print", "logging", "logger", "log", "rospy", "sys", "warnings"})
 """What tells people something, and changes nothing that is judged."""
-_ANYTHING = frozenset({"__dict__", "__import__", "delattr", "eval", "exec", "globals", "locals", "modules", "setattr"})
+ANYTHING = frozenset({"__dict__", "__import__", "delattr", "eval", "exec", "globals", "locals", "modules", "setattr"})
 """Words by which a name may be bound that is not in the text; `modules` is that of `sys`."""
 _READ = frozenset({"copy", "count", "get", "index", "items", "keys", "values"})
 _READERS = frozenset({
@@ -28,15 +28,20 @@ Definitions = Mapping[str, Sequence[ast.AST]]
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What is known of a module's names from its text alone: those of `changing` keep something between messages."""
+    """What is known of a module's names from its text alone.
+
+    Those of `changing` keep something from one message to the next; to use one of `changers` may change something.
+    """
 
     changing: frozenset[str] = frozenset()
+    changers: frozenset[str] = frozenset()
     definitions: Definitions = field(default_factory=dict)
 
 
 def read_scope(tree: ast.Module) -> Scope:
     """What is known of a module's names."""
-    return Scope(frozenset(_changing(tree)) - {"predicates"}, definitions(tree))
+    known = definitions(tree)
+    return Scope(frozenset(_changing(tree)) - {"predicates"}, _changers(known), known)
 
 
 def _changing(tree: ast.Module) -> Iterator[str]:
@@ -50,6 +55,53 @@ def _changing(tree: ast.Module) -> Iterator[str]:
                 yield root(base)
             case ast.Call(ast.Attribute(base, method)) if method in MUTATORS:
                 yield root(base)
+
+
+def _changers(known: Definitions) -> frozenset[str]:
+    """The names behind which something changes what is outside of it, or mentions what does."""
+    found = {name for name, nodes in known.items() if any(_changes(f) for n in nodes for f in _functions(n))}
+    words = {name: set[str]().union(*map(mentioned, nodes)) for name, nodes in known.items()}
+    while more := {name for name in words.keys() - found if words[name] & found}:
+        found |= more
+    return frozenset(found)
+
+
+def _functions(node: ast.AST) -> Iterator[ast.AST]:
+    """What runs only when it is called: the node itself, or the lambdas of an expression."""
+    if isinstance(node, ast.expr):
+        yield from (n for n in ast.walk(node) if isinstance(n, ast.Lambda))
+    else:
+        yield node
+
+
+def _changes(function: ast.AST) -> bool:
+    """Whether a function changes anything, but lists and dicts of its own, and what an object keeps for itself."""
+    fresh = _made_inside(function)
+    for node in ast.walk(function):
+        match node:
+            case ast.Attribute(ast.Name("self"), ctx=ast.Store()):
+                pass
+            case ast.Attribute(ctx=ast.Store() | ast.Del()) | ast.Subscript(ctx=ast.Store() | ast.Del()):
+                return True
+            case ast.Global() | ast.Nonlocal():
+                return True
+            case ast.Call(ast.Attribute(base, method)) if method in MUTATORS and root(base) not in fresh:
+                return True
+    return bool(mentioned(function) & ANYTHING)
+
+
+def _made_inside(function: ast.AST) -> set[str]:
+    """The variables that are never anything but lists, sets and dicts that the function made."""
+    made: set[str] = set()
+    other = {n.arg for n in ast.walk(function) if isinstance(n, ast.arg)}
+    for name, values in definitions(function).items():
+        new = all(
+            isinstance(v, ast.List | ast.Dict | ast.Set | ast.ListComp | ast.SetComp | ast.DictComp)
+            or (isinstance(v, ast.Call) and root(v.func) in ("list", "dict", "set", "deque"))
+            for v in values
+        )
+        (made if new else other).add(name)
+    return made - other
 
 
 def bound(body: Iterable[ast.AST]) -> set[str]:
@@ -73,6 +125,11 @@ def bound(body: Iterable[ast.AST]) -> set[str]:
 def declared(body: Iterable[ast.AST]) -> set[str]:
     """The names that a scope's statements declare global, or of a function around."""
     return {name for node in _own(body) if isinstance(node, ast.Global | ast.Nonlocal) for name in node.names}
+
+
+def waits(body: Iterable[ast.AST]) -> bool:
+    """Whether a scope's statements make its function a generator, or a coroutine."""
+    return any(isinstance(node, ast.Yield | ast.YieldFrom | ast.Await) for node in _own(body))
 
 
 def _own(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
@@ -132,13 +189,13 @@ def mentioned(node: ast.AST) -> set[str]:
 def binds_anything(nodes: Iterable[ast.AST]) -> bool:
     """Whether statements may bind names that are not in their text."""
     return any(
-        mentioned(node) & _ANYTHING
+        mentioned(node) & ANYTHING
         or any(isinstance(n, ast.ImportFrom) and n.names[0].name == "*" and n.module != "math" for n in ast.walk(node))
         for node in nodes
     )
 
 
-def handed(node: ast.AST, known: Definitions) -> set[str]:
+def handed(node: ast.AST, known: Definitions) -> list[ast.Name]:
     """The names whose values are given away or changed as they are, and not only looked into."""
     looked: set[int] = set()
     for found in ast.walk(node):
@@ -151,9 +208,9 @@ def handed(node: ast.AST, known: Definitions) -> set[str]:
                 looked |= {id(o) for op, o in zip(ops, others, strict=True) if isinstance(op, ast.In | ast.NotIn)}
             case ast.Call(function, arguments) if root(function) in _READERS - known.keys():
                 looked |= {id(a) for a in arguments}
-    names = (n for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in looked)
     augmented = {id(n.target) for n in ast.walk(node) if isinstance(n, ast.AugAssign)}
-    return {n.id for n in names if isinstance(n.ctx, ast.Load) or id(n) in augmented}
+    names = [n for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in looked]
+    return [n for n in names if isinstance(n.ctx, ast.Load) or id(n) in augmented]
 
 
 def root(node: ast.expr) -> str:

@@ -11,9 +11,10 @@ from oracle_server.specfiles.rosmonitoring.calls import function
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
-from oracle_server.specfiles.rosmonitoring.functions import can_be_keys, defined, parameters, unbound
+from oracle_server.specfiles.rosmonitoring.functions import can_be_keys, check, defined, parameters, unbound
+from oracle_server.specfiles.rosmonitoring.left import leave
 from oracle_server.specfiles.rosmonitoring.operators import arithmetic
-from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, bound, root
+from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, root
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
@@ -78,14 +79,18 @@ class Machine:
         called = self.find(name, state)
         if not isinstance(called, Function):
             raise UntranslatableError
-        if _changes(called.node):
+        if name in self.scope.changers:
             raise UnfollowableError
-        end = self._enter(called, node, state)
+        try:
+            end = self._enter(called, node, state)
+        except UnfollowableError:  # what it does to its own variables is not known; it has no others
+            raise UntranslatableError from None
         return Const(None) if end.returned is None else end.returned
 
     def _enter(self, called: Function, node: ast.Call, state: State) -> End:
         if self.depth >= _MAX_DEPTH:
             raise UntranslatableError
+        check(called.node, called=True)
         arguments = self._arguments(called, node, state)
         if called.cached and not can_be_keys(arguments.values()):
             raise UntranslatableError
@@ -124,7 +129,7 @@ class Machine:
             except UntranslatableError:
                 if self.stream is None and not self.depth:  # what the module itself does counts for all that follows
                     raise UnfollowableError from None
-                self._leave(statement, state)
+                leave(statement, state, self)
                 continue
             if end is not None:
                 return end
@@ -316,41 +321,6 @@ class Machine:
                 state.predicates[keyword.arg] = evaluate(keyword.value, state, self)
             except UntranslatableError:
                 state.predicates[keyword.arg] = Unread(ast.unparse(keyword))
-
-    def _leave(self, statement: ast.stmt, state: State) -> None:
-        """Mark what a statement that can't be read assigns. Raises `UnfollowableError` where that is not known."""
-        python = ast.unparse(statement)
-        for name in bound([statement]):
-            self.assign(ast.Name(name), Unread(python), state)
-        for node in ast.walk(statement):
-            match node:
-                case ast.Return() | ast.Delete() | ast.Global() | ast.FunctionDef() | ast.Await() | ast.Yield():
-                    raise UnfollowableError
-                case ast.Subscript(ast.Name("predicates"), ast.Constant(str() as key), ast.Store()):
-                    state.predicates[key] = Unread(python)
-                case ast.Subscript(ctx=ast.Store()) | ast.Attribute(ctx=ast.Store()):
-                    raise UnfollowableError
-                case ast.Call(ast.Name(name), arguments):
-                    given = any(isinstance(a, ast.Name) and a.id == "predicates" for a in arguments)
-                    if (given and name not in LOGS) or self._changes(name, state):
-                        raise UnfollowableError
-                case ast.Call(ast.Attribute(ast.Name("predicates"), name)) if name != "get":
-                    raise UnfollowableError
-                case ast.Call(_, arguments) if any(isinstance(a, ast.Name) and a.id == "predicates" for a in arguments):
-                    raise UnfollowableError
-
-    def _changes(self, name: str, state: State) -> bool:
-        try:
-            called = self.find(name, state)
-        except UntranslatableError:
-            return False
-        return isinstance(called, Function) and _changes(called.node)
-
-
-def _changes(function: ast.FunctionDef) -> bool:
-    """Whether a function assigns to something outside of it."""
-    stores = (ast.Subscript, ast.Attribute)
-    return any(isinstance(n, stores) and isinstance(n.ctx, ast.Store) for n in ast.walk(function))
 
 
 def _merged(test: Value, yes: State, no: State) -> State:

@@ -66,7 +66,7 @@ def _spoil(statement: ast.stmt, state: State, machine: Machine) -> None:
     names = bound([statement]) | {
         n for one in nodes for g in ast.walk(one) if isinstance(g, ast.Global) for n in g.names
     }
-    touched = {name for one in nodes for name in handed(one, known)}
+    touched = {name.id for one in nodes for name in handed(one, known)}
     deep = {name for one in nodes for name in mentioned(one) if _is_deep(state.variables.get(name))}
     if binds_anything(nodes):
         machine.opaque, names = True, names | state.variables.keys() | {"predicates"}
