@@ -19,6 +19,7 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Field,
     Items,
     Leaf,
+    Message,
     Raises,
     Table,
     Term,
@@ -234,6 +235,8 @@ def kind_of(leaf: Leaf, wanted: str) -> Value:  # noqa: PLR0911 -- a case a kind
         case Const(value), _ if wanted in ("bool", "int", "float", "str", "list", "dict", "tuple"):
             return Const(isinstance(value, {"bool": bool, "int": int, "float": float, "str": str, "list": list,
                                             "dict": dict, "tuple": tuple}[wanted]))  # fmt: skip
+        case Message(), _:
+            return Const(wanted == "dict")
         case Field(path, None), "bool":
             return Term(f"{field(path)} in [true, false]", "bool")
         case Field(_, Many()), _:

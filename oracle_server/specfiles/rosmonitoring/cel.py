@@ -15,6 +15,7 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Kept,
     Key,
     Leaf,
+    Message,
     Raises,
     Table,
     Term,
@@ -111,6 +112,8 @@ def truth(leaf: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a kind of leaf
             return Term(f"{inner(leaf)} != ''", "bool")
         case Items(values) | Table(values):
             return Const(bool(values))
+        case Message():
+            return Const(True)  # it has its topic or service, at least
         case Field(path, Record(fields=fields)):
             return Const(bool(fields))
         case Field(path, Many(length=None)):

@@ -62,16 +62,16 @@ class Stream:
 
 @dataclass(slots=True)
 class State:
-    """Variables, and what the predicates that were assigned are worth."""
+    """Variables, what the predicates that were assigned are worth, the function around, and where this one failed."""
 
     variables: dict[str, Value] = field(default_factory=dict)
     predicates: dict[str, Value] = field(default_factory=dict)
     around: State | None = None
-    """The state of the function around this one."""
+    fails: Value = field(default_factory=lambda: Const(None))
 
     def copy(self) -> State:
         """The same values, which change by themselves."""
-        return State(dict(self.variables), dict(self.predicates), self.around)
+        return State(dict(self.variables), dict(self.predicates), self.around, self.fails)
 
     def owner(self, name: str) -> State | None:
         """Where a variable is found: here, in a function around this one, or nowhere."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 
 from oracle_server.specfiles.rosmonitoring.expressions import Module, State
-from oracle_server.specfiles.rosmonitoring.scope import ANYTHING, MUTATORS, bound, handed, mentioned, root
+from oracle_server.specfiles.rosmonitoring.scope import ANYTHING, MUTATORS, bound, handed, mentioned, raises, root
 from oracle_server.specfiles.rosmonitoring.values import (
     Field,
     Message,
@@ -27,7 +27,8 @@ _ELSEWHERE = (
 def leave(statement: ast.stmt, state: State, machine: Module) -> None:
     """Mark what a statement that can't be read assigns or hands on. Raises `UnfollowableError` where more may be."""
     elsewhere = any(isinstance(node, _ELSEWHERE) for node in ast.walk(statement))
-    if elsewhere or mentioned(statement) & (machine.scope.changers | ANYTHING):
+    scope = machine.scope
+    if elsewhere or raises(statement) or mentioned(statement) & (scope.changers | scope.failing | ANYTHING):
         raise UnfollowableError
     stored: set[int] = set()
     for node in ast.walk(statement):
@@ -41,7 +42,7 @@ def leave(statement: ast.stmt, state: State, machine: Module) -> None:
                 _check_change(root(base), state, machine)
             case ast.AugAssign(ast.Name(name)):
                 _check_shared(name, state, machine)
-    for given in handed(statement, machine.scope.definitions):
+    for given in handed(statement, scope.definitions):
         if id(given) not in stored:
             _hand(given.id, state, machine, Unread(ast.unparse(statement)))
     for own in bound([statement]):

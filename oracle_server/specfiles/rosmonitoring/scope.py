@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 MUTATORS = frozenset({
@@ -30,18 +30,22 @@ Definitions = Mapping[str, Sequence[ast.AST]]
 class Scope:
     """What is known of a module's names from its text alone.
 
-    Those of `changing` keep something from one message to the next; to use one of `changers` may change something.
+    Those of `changing` keep something from one message to the next; to use one of `changers` may change something, and
+    to use one of `failing` may raise an error.
     """
 
     changing: frozenset[str] = frozenset()
     changers: frozenset[str] = frozenset()
+    failing: frozenset[str] = frozenset()
     definitions: Definitions = field(default_factory=dict)
 
 
 def read_scope(tree: ast.Module) -> Scope:
     """What is known of a module's names."""
     known = definitions(tree)
-    return Scope(frozenset(_changing(tree)) - {"predicates"}, _changers(known), known)
+    return Scope(
+        frozenset(_changing(tree)) - {"predicates"}, _reaching(known, _changes), _reaching(known, raises), known
+    )
 
 
 def _changing(tree: ast.Module) -> Iterator[str]:
@@ -57,9 +61,9 @@ def _changing(tree: ast.Module) -> Iterator[str]:
                 yield root(base)
 
 
-def _changers(known: Definitions) -> frozenset[str]:
-    """The names behind which something changes what is outside of it, or mentions what does."""
-    found = {name for name, nodes in known.items() if any(_changes(f) for n in nodes for f in _functions(n))}
+def _reaching(known: Definitions, does: Callable[[ast.AST], bool]) -> frozenset[str]:
+    """The names behind which some function does something, or mentions one that does."""
+    found = {name for name, nodes in known.items() if any(does(f) for n in nodes for f in _functions(n))}
     words = {name: set[str]().union(*map(mentioned, nodes)) for name, nodes in known.items()}
     while more := {name for name in words.keys() - found if words[name] & found}:
         found |= more
@@ -88,6 +92,11 @@ def _changes(function: ast.AST) -> bool:
             case ast.Call(ast.Attribute(base, method)) if method in MUTATORS and root(base) not in fresh:
                 return True
     return bool(mentioned(function) & ANYTHING)
+
+
+def raises(node: ast.AST) -> bool:
+    """Whether statements raise errors by themselves."""
+    return any(isinstance(n, ast.Raise | ast.Assert) for n in ast.walk(node))
 
 
 def _made_inside(function: ast.AST) -> set[str]:
@@ -198,6 +207,7 @@ def binds_anything(nodes: Iterable[ast.AST]) -> bool:
 def handed(node: ast.AST, known: Definitions) -> list[ast.Name]:
     """The names whose values are given away or changed as they are, and not only looked into."""
     looked: set[int] = set()
+    own = {name for name, nodes in known.items() if any(True for n in nodes for _ in _functions(n))}
     for found in ast.walk(node):
         match found:
             case ast.Subscript(base, ctx=ast.Load()) | ast.For(_, base) | ast.comprehension(_, base):
@@ -206,7 +216,7 @@ def handed(node: ast.AST, known: Definitions) -> list[ast.Name]:
                 looked.add(id(base))
             case ast.Compare(_, ops, others):
                 looked |= {id(o) for op, o in zip(ops, others, strict=True) if isinstance(op, ast.In | ast.NotIn)}
-            case ast.Call(function, arguments) if root(function) in _READERS - known.keys():
+            case ast.Call(function, arguments) if root(function) in _READERS - own:
                 looked |= {id(a) for a in arguments}
     augmented = {id(n.target) for n in ast.walk(node) if isinstance(n, ast.AugAssign)}
     names = [n for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in looked]

@@ -32,6 +32,7 @@ from oracle_server.specfiles.rosmonitoring.values import (
     choice,
     containers,
     each,
+    leaves,
     same,
 )
 
@@ -117,7 +118,13 @@ class Machine:
         return defined(node, lambda name: self.find(name, state), lambda e: evaluate(e, state, self), self.scope)
 
     def follow(self, body: Sequence[ast.stmt], state: State) -> End:
-        """Follow statements to their end. Raises `UnfollowableError`."""
+        """Follow a function's statements to their end. Raises `UntranslatableError`."""
+        end = self._follow(body, state)
+        if end.state.fails == Const(None):
+            return end
+        return End(each(end.state.fails, lambda _: end.returned or Const(None)), end.state)
+
+    def _follow(self, body: Sequence[ast.stmt], state: State) -> End:
         for i, statement in enumerate(body):
             self.steps += 1
             if self.steps > _MAX_STEPS:
@@ -135,20 +142,25 @@ class Machine:
                 return end
         return End(None, state)
 
-    def _statement(self, statement: ast.stmt, rest: Sequence[ast.stmt], state: State) -> End | None:  # noqa: C901, PLR0911
+    def _statement(self, statement: ast.stmt, rest: Sequence[ast.stmt], state: State) -> End | None:  # noqa: C901, PLR0911, PLR0912
         match statement:
             case ast.Return(value):
                 return self._return(value, state)
             case ast.Assign(targets, value):
-                return self._assigned(targets, evaluate(value, state, self), state)
+                return self._assigned(targets, self._worth(value, state), state)
             case ast.AnnAssign(target, _, ast.expr() as value):
-                return self._assigned([target], evaluate(value, state, self), state)
+                return self._assigned([target], self._worth(value, state), state)
             case ast.AugAssign(target, op, value):
                 return self._assigned([target], self._augmented(target, op, value, state), state)
             case ast.If(test, body, orelse):
-                return self._branch(collapsed(each(evaluate(test, state, self), truth)), body, orelse, rest, state)
+                return self._branch(collapsed(each(self._worth(test, state), truth)), body, orelse, rest, state)
             case ast.For(target, over, body, []):
-                return self._loop(target, evaluate(over, state, self), body, rest, state)
+                return self._loop(target, self._worth(over, state), body, rest, state)
+            case ast.Raise():
+                return End(Raises("raise", stated=True), state)
+            case ast.Assert(test):
+                failing = ast.If(ast.UnaryOp(ast.Not(), test), [ast.Raise()], [])
+                return self._statement(failing, rest, state)
             case ast.Try(body, [_, *_], orelse, []):
                 return self._try(statement, rest, state)
             case ast.FunctionDef(name):
@@ -192,6 +204,20 @@ class Machine:
         except UntranslatableError:
             return End(Unread(ast.unparse(value) if value else ""), state)
 
+    def _worth(self, node: ast.expr, state: State) -> Value:
+        """What an expression of a statement is worth; where a function fails in it by itself, all of this one does."""
+        found = evaluate(node, state, self)
+        if any(isinstance(leaf, Raises) and leaf.stated for leaf in leaves(found)):
+            self._fail(found, state)
+        return found
+
+    def _fail(self, found: Value, state: State) -> None:
+        """Note where a value is an error. Raises `UnfollowableError` where that grows too large."""
+        try:
+            state.fails = each(found, lambda _: state.fails)
+        except UntranslatableError:
+            raise UnfollowableError from None
+
     def _assigned(self, targets: list[ast.expr], value: Value, state: State) -> End | None:
         if isinstance(value, Raises):
             return End(value, state)
@@ -228,7 +254,7 @@ class Machine:
             names = {name for name, other in self.visible(state) if own & set(containers(other))}
             if names - {target.id}:
                 raise UnfollowableError
-        return arithmetic(evaluate(target, state, self), op, evaluate(value, state, self))
+        return arithmetic(self._worth(target, state), op, self._worth(value, state))
 
     def _branch(
         self, test: Value, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], rest: Sequence[ast.stmt], state: State
@@ -236,19 +262,17 @@ class Machine:
         if isinstance(test, Raises):
             return End(test, state)
         if isinstance(test, Const):
-            return self.follow([*(body if test.value else orelse), *rest], state)
+            return self._follow([*(body if test.value else orelse), *rest], state)
         ends = any(isinstance(n, ast.Return) for s in (*body, *orelse) for n in ast.walk(s))
         more = rest if ends else ()
-        yes = self.follow([*body, *more], state.copy())
-        no = self.follow([*orelse, *more], state.copy())
+        yes = self._follow([*body, *more], state.copy())
+        no = self._follow([*orelse, *more], state.copy())
+        for end in () if ends else (yes, no):  # it goes on, but where it failed
+            end.state.fails = end.returned or end.state.fails
         merged = _merged(test, yes.state, no.state)
-        state.variables, state.predicates = merged.variables, merged.predicates
-        if not ends and yes.returned is None and no.returned is None:
-            return None
-        if not ends:  # one of them fails: what comes after it counts for the other alone
-            goes_on = self.follow(rest, state)
-            yes = End(yes.returned or goes_on.returned, state)
-            no = End(no.returned or goes_on.returned, state)
+        state.variables, state.predicates, state.fails = merged.variables, merged.predicates, merged.fails
+        if not ends:
+            return End(state.fails, state) if isinstance(state.fails, Raises) else None
         return End(choice(test, yes.returned or Const(None), no.returned or Const(None)), state)
 
     def _loop(
@@ -269,7 +293,7 @@ class Machine:
             unrolled += [ast.Assign([target], ast.Name(name)), *body]
         if len(values) > 64:
             raise UntranslatableError
-        return self.follow([*unrolled, *rest], state)
+        return self._follow([*unrolled, *rest], state)
 
     def _try(self, statement: ast.Try, rest: Sequence[ast.stmt], state: State) -> End:
         """`try: return float(x)`, with the handler's value for what is none; other failures of CEL are unknown."""
@@ -281,7 +305,10 @@ class Machine:
         kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
         if not {k.id if isinstance(k, ast.Name) else "" for k in kinds} <= {"TypeError", "ValueError"}:
             raise UntranslatableError
-        caught = self.follow([*handler.body, *rest], state.copy()).returned or Const(None)
+        after = state.copy()
+        caught = self.follow([*handler.body, *rest], after).returned or Const(None)
+        if not same(after.predicates, state.predicates):
+            raise UnfollowableError
 
         def read(leaf: Leaf) -> Value:
             found = function(word, [leaf])
@@ -296,15 +323,25 @@ class Machine:
             case ast.Call(ast.Name(name)) if isinstance(called := self.find(name, state), Function):
                 end = self._enter(called, call, state)
                 state.predicates = end.state.predicates
-                return End(end.returned, state) if isinstance(end.returned, Raises) else None
-            case ast.Call(ast.Name(name)) if name in LOGS:
-                return None
-            case ast.Call(ast.Attribute(value)) if root(value) in LOGS:
+                for found in (end.returned or Const(None), *(self._worth(a, state) for a in call.args)):
+                    self._fail(found, state)
+                return End(state.fails, state) if isinstance(state.fails, Raises) else None
+            case ast.Call(ast.Attribute(ast.Name("sys"), "exit")):
+                return End(Raises("SystemExit", stated=True), state)
+            case _ if self._is_log(call, state):
+                leave(ast.Expr(call), state, self)
                 return None
             case ast.Call(ast.Attribute(ast.Name("predicates"), "update"), arguments, keywords):
                 self._update(arguments, keywords, state)
                 return None
         raise UnfollowableError
+
+    def _is_log(self, call: ast.Call, state: State) -> bool:
+        """Whether a call only tells people something: by a name that is not one of the module's own values."""
+        name = root(call.func)
+        found = self.find(name, state) if name in LOGS and not self.opaque else None
+        known = [] if found is None else leaves(found)
+        return name in LOGS and all(isinstance(leaf, Imported | Unread) for leaf in known)
 
     def _update(self, arguments: list[ast.expr], keywords: list[ast.keyword], state: State) -> None:
         for argument in arguments:
@@ -318,13 +355,13 @@ class Machine:
             if keyword.arg is None:
                 raise UnfollowableError
             try:
-                state.predicates[keyword.arg] = evaluate(keyword.value, state, self)
+                state.predicates[keyword.arg] = self._worth(keyword.value, state)
             except UntranslatableError:
                 state.predicates[keyword.arg] = Unread(ast.unparse(keyword))
 
 
 def _merged(test: Value, yes: State, no: State) -> State:
-    found = State(around=yes.around)
+    found = State(around=yes.around, fails=_failing(test, yes.fails, no.fails))
     for name in dict.fromkeys((*yes.variables, *no.variables)):
         a, b = yes.variables.get(name, Raises("UnboundLocalError")), no.variables.get(name, Raises("UnboundLocalError"))
         found.variables[name] = _chosen(test, a, b)
@@ -333,6 +370,13 @@ def _merged(test: Value, yes: State, no: State) -> State:
             test, yes.predicates.get(name, Kept(name)), no.predicates.get(name, Kept(name))
         )
     return found
+
+
+def _failing(test: Value, yes: Value, no: Value) -> Value:
+    try:
+        return choice(test, yes, no)
+    except UntranslatableError:
+        raise UnfollowableError from None
 
 
 def _chosen(test: Value, yes: Value, no: Value) -> Value:

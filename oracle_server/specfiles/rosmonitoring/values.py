@@ -103,9 +103,10 @@ class Kept:
 
 @dataclass(frozen=True, slots=True)
 class Raises:
-    """The function fails here."""
+    """The function fails here; `stated` is a `raise` or an `assert` of it, and no value that can't be reckoned."""
 
     error: str
+    stated: bool = False
 
 
 @dataclass(frozen=True, slots=True)
