@@ -60,16 +60,23 @@ def parameters(node: ast.FunctionDef) -> list[str]:
     return [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
 
 
-def check(node: ast.FunctionDef, *, called: bool) -> None:
-    """Look whether a function can be followed; one that another has `called` may set no variables of others.
+def check(node: ast.FunctionDef) -> None:
+    """Look whether a function can be followed.
 
-    Raises `UnfollowableError`, also where it is a generator, or calls something else `predicates`.
+    Raises `UnfollowableError` where it is a generator, calls something else `predicates`, or sets variables of a
+    function around.
     """
     names = {a.arg for a in ast.walk(node.args) if isinstance(a, ast.arg)} | bound(node.body)
     if "predicates" in names or waits(node.body):
         raise UnfollowableError
-    if called and any(isinstance(n, ast.Global | ast.Nonlocal) for n in ast.walk(node)):
+    if any(isinstance(n, ast.Nonlocal) for n in ast.walk(node)):
         raise UnfollowableError
+
+
+def set_outside(node: ast.FunctionDef, scope: Scope) -> set[str]:
+    """The module's variables that a function may set, or one that it mentions."""
+    nodes = (n for one in reached(node, scope.definitions) for n in ast.walk(one) if isinstance(n, ast.Global))
+    return {name for n in nodes for name in n.names}
 
 
 def unbound(node: ast.FunctionDef) -> dict[str, Value]:

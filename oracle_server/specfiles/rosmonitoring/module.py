@@ -54,7 +54,7 @@ class PropertyModule:
         """
         if not isinstance(self.constants.get("abstract_message"), Function):
             raise UnfollowableError
-        check(self.function, called=False)
+        check(self.function)
         changing = self.scope.changing | sharing(self.constants, self.scope.changing)
         return Machine(self.constants, self.initial, flags, changing, self.scope, stream, self.opaque)
 

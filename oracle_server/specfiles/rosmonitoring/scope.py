@@ -207,7 +207,6 @@ def binds_anything(nodes: Iterable[ast.AST]) -> bool:
 def handed(node: ast.AST, known: Definitions) -> list[ast.Name]:
     """The names whose values are given away or changed as they are, and not only looked into."""
     looked: set[int] = set()
-    own = {name for name, nodes in known.items() if any(True for n in nodes for _ in _functions(n))}
     for found in ast.walk(node):
         match found:
             case ast.Subscript(base, ctx=ast.Load()) | ast.For(_, base) | ast.comprehension(_, base):
@@ -216,11 +215,32 @@ def handed(node: ast.AST, known: Definitions) -> list[ast.Name]:
                 looked.add(id(base))
             case ast.Compare(_, ops, others):
                 looked |= {id(o) for op, o in zip(ops, others, strict=True) if isinstance(op, ast.In | ast.NotIn)}
-            case ast.Call(function, arguments) if root(function) in _READERS - own:
+            case ast.Call(function, arguments) if _is_reader(function, known):
                 looked |= {id(a) for a in arguments}
     augmented = {id(n.target) for n in ast.walk(node) if isinstance(n, ast.AugAssign)}
     names = [n for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in looked]
     return [n for n in names if isinstance(n.ctx, ast.Load) or id(n) in augmented]
+
+
+def _is_reader(called: ast.expr, known: Definitions) -> bool:
+    """Whether what is called only looks into its arguments: by a name that no function of the module has."""
+    name = root(called)
+    return name in _READERS and not any(True for node in known.get(name, ()) for _ in _functions(node))
+
+
+def acts(node: ast.AST, known: Definitions) -> bool:
+    """Whether a node may change what is inside of a value that it only looks into."""
+    for found in ast.walk(node):
+        match found:
+            case ast.Subscript(ctx=ast.Store() | ast.Del()) | ast.Attribute(ctx=ast.Store() | ast.Del()):
+                return True
+            case ast.AugAssign() | ast.FunctionDef() | ast.AsyncFunctionDef() | ast.Lambda() | ast.ClassDef():
+                return True
+            case ast.Call(ast.Attribute(_, method)) if method in _READ:
+                pass
+            case ast.Call(function) if not _is_reader(function, known):
+                return True
+    return False
 
 
 def root(node: ast.expr) -> str:

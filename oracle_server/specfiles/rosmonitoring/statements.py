@@ -7,11 +7,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from oracle_server.specfiles.rosmonitoring.branches import merged
 from oracle_server.specfiles.rosmonitoring.calls import function
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
 from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
-from oracle_server.specfiles.rosmonitoring.functions import can_be_keys, check, defined, parameters, unbound
+from oracle_server.specfiles.rosmonitoring.functions import (
+    can_be_keys,
+    check,
+    defined,
+    parameters,
+    set_outside,
+    unbound,
+)
 from oracle_server.specfiles.rosmonitoring.left import leave
 from oracle_server.specfiles.rosmonitoring.operators import arithmetic
 from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, root
@@ -21,7 +29,6 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Function,
     Imported,
     Items,
-    Kept,
     Leaf,
     Raises,
     Term,
@@ -91,7 +98,7 @@ class Machine:
     def _enter(self, called: Function, node: ast.Call, state: State) -> End:
         if self.depth >= _MAX_DEPTH:
             raise UntranslatableError
-        check(called.node, called=True)
+        check(called.node)
         arguments = self._arguments(called, node, state)
         if called.cached and not can_be_keys(arguments.values()):
             raise UntranslatableError
@@ -197,12 +204,15 @@ class Machine:
             state = state.around
 
     def _return(self, value: ast.expr | None, state: State) -> End:
+        if value is None:
+            return End(Const(None), state)
         try:
-            return End(Const(None) if value is None else evaluate(value, state, self), state)
+            return End(evaluate(value, state, self), state)
         except UnfollowableError:
             raise
         except UntranslatableError:
-            return End(Unread(ast.unparse(value) if value else ""), state)
+            leave(ast.Expr(value), state, self)
+            return End(Unread(ast.unparse(value)), state)
 
     def _worth(self, node: ast.expr, state: State) -> Value:
         """What an expression of a statement is worth; where a function fails in it by itself, all of this one does."""
@@ -269,8 +279,8 @@ class Machine:
         no = self._follow([*orelse, *more], state.copy())
         for end in () if ends else (yes, no):  # it goes on, but where it failed
             end.state.fails = end.returned or end.state.fails
-        merged = _merged(test, yes.state, no.state)
-        state.variables, state.predicates, state.fails = merged.variables, merged.predicates, merged.fails
+        after = merged(test, yes.state, no.state)
+        state.variables, state.predicates, state.fails = after.variables, after.predicates, after.fails
         if not ends:
             return End(state.fails, state) if isinstance(state.fails, Raises) else None
         return End(choice(test, yes.returned or Const(None), no.returned or Const(None)), state)
@@ -323,6 +333,7 @@ class Machine:
             case ast.Call(ast.Name(name)) if isinstance(called := self.find(name, state), Function):
                 end = self._enter(called, call, state)
                 state.predicates = end.state.predicates
+                self._forget(set_outside(called.node, self.scope), state, Unread(ast.unparse(call)))
                 for found in (end.returned or Const(None), *(self._worth(a, state) for a in call.args)):
                     self._fail(found, state)
                 return End(state.fails, state) if isinstance(state.fails, Raises) else None
@@ -335,6 +346,13 @@ class Machine:
                 self._update(arguments, keywords, state)
                 return None
         raise UnfollowableError
+
+    def _forget(self, names: set[str], state: State, unread: Unread) -> None:
+        """A function that was called may have set these variables of the module; who declares them has them here."""
+        frame: State | None = state
+        while frame is not None:
+            frame.variables |= dict.fromkeys(names & frame.variables.keys(), unread)
+            frame = frame.around
 
     def _is_log(self, call: ast.Call, state: State) -> bool:
         """Whether a call only tells people something: by a name that is not one of the module's own values."""
@@ -358,31 +376,3 @@ class Machine:
                 state.predicates[keyword.arg] = self._worth(keyword.value, state)
             except UntranslatableError:
                 state.predicates[keyword.arg] = Unread(ast.unparse(keyword))
-
-
-def _merged(test: Value, yes: State, no: State) -> State:
-    found = State(around=yes.around, fails=_failing(test, yes.fails, no.fails))
-    for name in dict.fromkeys((*yes.variables, *no.variables)):
-        a, b = yes.variables.get(name, Raises("UnboundLocalError")), no.variables.get(name, Raises("UnboundLocalError"))
-        found.variables[name] = _chosen(test, a, b)
-    for name in dict.fromkeys((*yes.predicates, *no.predicates)):
-        found.predicates[name] = _chosen(
-            test, yes.predicates.get(name, Kept(name)), no.predicates.get(name, Kept(name))
-        )
-    return found
-
-
-def _failing(test: Value, yes: Value, no: Value) -> Value:
-    try:
-        return choice(test, yes, no)
-    except UntranslatableError:
-        raise UnfollowableError from None
-
-
-def _chosen(test: Value, yes: Value, no: Value) -> Value:
-    if same(yes, no):
-        return yes
-    try:
-        return collapsed(choice(test, yes, no))
-    except UntranslatableError:
-        return Unread("")

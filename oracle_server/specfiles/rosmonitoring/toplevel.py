@@ -9,7 +9,7 @@ import ast
 from collections.abc import Iterable, Mapping
 
 from oracle_server.specfiles.rosmonitoring.expressions import State, evaluate
-from oracle_server.specfiles.rosmonitoring.scope import binds_anything, bound, handed, mentioned, reached
+from oracle_server.specfiles.rosmonitoring.scope import acts, binds_anything, bound, handed, mentioned, reached
 from oracle_server.specfiles.rosmonitoring.statements import Machine
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
@@ -67,13 +67,14 @@ def _spoil(statement: ast.stmt, state: State, machine: Machine) -> None:
         n for one in nodes for g in ast.walk(one) if isinstance(g, ast.Global) for n in g.names
     }
     touched = {name.id for one in nodes for name in handed(one, known)}
-    deep = {name for one in nodes for name in mentioned(one) if _is_deep(state.variables.get(name))}
+    looked_into = {name for one in nodes for name in mentioned(one) if _is_deep(state.variables.get(name))}
     if binds_anything(nodes):
         machine.opaque, names = True, names | state.variables.keys() | {"predicates"}
-    names |= sharing(state.variables, touched | deep)
+    names |= sharing(state.variables, touched | (looked_into if any(acts(one, known) for one in nodes) else set()))
     if "predicates" in names | touched:
         state.predicates = _named(statement, python)
-    state.variables |= {name: Unread(python) for name in names - {"predicates"}}
+    shares = frozenset(i for name in looked_into for i in containers(state.variables[name]))
+    state.variables |= {name: Unread(python, shares) for name in names - {"predicates"}}
 
 
 def _without_methods(statement: ast.stmt) -> ast.stmt:

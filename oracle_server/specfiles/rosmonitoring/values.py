@@ -111,9 +111,10 @@ class Raises:
 
 @dataclass(frozen=True, slots=True)
 class Unread:
-    """Python that could not be translated."""
+    """Python that could not be translated; `shares` are the identities of lists and dicts that may be in its value."""
 
     python: str
+    shares: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +205,8 @@ def containers(value: object) -> Iterator[int]:
     match value:
         case Const(inner):
             yield from containers(inner)
+        case Unread(_, shares):
+            yield from shares
         case Choice(_, yes, no):
             yield from (*containers(yes), *containers(no))
         case Function(_, defaults):
