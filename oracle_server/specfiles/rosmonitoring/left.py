@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterable
 
 from oracle_server.specfiles.rosmonitoring.expressions import Module, State
-from oracle_server.specfiles.rosmonitoring.scope import ANYTHING, MUTATORS, bound, handed, mentioned, raises, root
+from oracle_server.specfiles.rosmonitoring.scope import (
+    ANYTHING,
+    MUTATORS,
+    Scope,
+    bound,
+    handed,
+    mentioned,
+    reached,
+    root,
+)
 from oracle_server.specfiles.rosmonitoring.values import (
     Field,
     Message,
@@ -28,7 +38,7 @@ def leave(statement: ast.stmt, state: State, machine: Module) -> None:
     """Mark what a statement that can't be read assigns or hands on. Raises `UnfollowableError` where more may be."""
     elsewhere = any(isinstance(node, _ELSEWHERE) for node in ast.walk(statement))
     scope = machine.scope
-    if elsewhere or raises(statement) or mentioned(statement) & (scope.changers | scope.failing | ANYTHING):
+    if elsewhere or _fails([statement], scope) or mentioned(statement) & (scope.changers | ANYTHING):
         raise UnfollowableError
     stored: set[int] = set()
     for node in ast.walk(statement):
@@ -47,6 +57,39 @@ def leave(statement: ast.stmt, state: State, machine: Module) -> None:
             _hand(given.id, state, machine, Unread(ast.unparse(statement)))
     for own in bound([statement]):
         machine.assign(ast.Name(own), Unread(ast.unparse(statement)), state)
+
+
+def _fails(nodes: Iterable[ast.AST], scope: Scope) -> bool:
+    """Whether statements, or functions that they mention, raise errors by themselves that are not caught in them."""
+    for node in nodes:
+        match node:
+            case ast.Try(body, handlers, orelse, final):
+                tried, rest = _raised(body, scope), [*handlers, *orelse, *final]
+                caught = {ast.unparse(kind) for h in handlers for kind in _kinds(h)}
+                more = tried & {"SystemExit", "KeyboardInterrupt"} if "Exception" in caught else tried
+                if ("BaseException" not in caught and more - caught) or _fails(rest, scope):
+                    return True
+            case ast.Raise() | ast.Assert():
+                return True
+            case ast.Name(name) | ast.Attribute(_, name) if name in scope.failing:
+                return True
+            case _ if _fails(ast.iter_child_nodes(node), scope):
+                return True
+    return False
+
+
+def _raised(body: Iterable[ast.AST], scope: Scope) -> set[str]:
+    """What statements, and the functions that they mention, raise by themselves; empty texts are not known."""
+    nodes = [n for s in body for one in reached(s, scope.definitions) for n in ast.walk(one)]
+    raised = (n.exc.func if isinstance(n.exc, ast.Call) else n.exc for n in nodes if isinstance(n, ast.Raise))
+    named = {ast.unparse(error) if error else "" for error in raised}
+    return named | ({"AssertionError"} if any(isinstance(n, ast.Assert) for n in nodes) else set())
+
+
+def _kinds(handler: ast.ExceptHandler) -> list[ast.expr]:
+    if handler.type is None:
+        return [ast.Name("BaseException")]
+    return handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
 
 
 def _found(name: str, state: State, machine: Module) -> Value | None:
