@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from bisect import bisect_left
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from operator import attrgetter
+from dataclasses import dataclass
 from typing import TypeVar
 
 import msgspec
@@ -16,7 +14,7 @@ from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.alone import Alone
-from oracle_server.history.episodes import EpisodeQuery, KeptEpisodes, Page, StoredEpisode, page_of
+from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode, page_of
 from oracle_server.history.matching import Take, Told, told
 from oracle_server.history.origins import origin_of
 from oracle_server.history.port import Done
@@ -27,13 +25,13 @@ from oracle_server.history.records import (
     Extent,
     MonitorRecord,
     Refusal,
-    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
     restated,
 )
-from oracle_server.history.steps import StepsSource, arrival, is_undone, made, plain, plain_whys, without_data
+from oracle_server.history.remembered import STEP, Kept
+from oracle_server.history.steps import StepsSource, arrival, is_undone, made, plain, without_data
 from oracle_server.history.timeline import Question, answer
 from oracle_server.history.views import Doubts
 
@@ -41,39 +39,11 @@ T = TypeVar("T")
 _encode = msgspec.json.Encoder().encode
 
 _PAGE = 1_000
-_STEP = 1_000
-"""Bytes that a step is taken to need."""
 _NOBODY = 0
 """The number of no session."""
 _FORGOTTEN = SessionRecord(0, "", "", "", "", (), private=False, opened=0)
 
 log = structlog.get_logger()
-
-
-@dataclass(slots=True)
-class _Kept:
-    """All that is kept of one session."""
-
-    record: SessionRecord
-    closed: int | None = None
-    state: Document | None = None
-    steps: list[StoredStep] = field(default_factory=list)
-    monitors: dict[str, MonitorRecord] = field(default_factory=dict)
-    refusals: list[Refusal] = field(default_factory=list)
-    snapshot: SnapshotRecord | None = None
-    episodes: KeptEpisodes = field(default_factory=KeptEpisodes)
-
-    def index(self, position: int) -> int:
-        """Where the step at a position, or the next one, stands in `steps`."""
-        return bisect_left(self.steps, position, key=attrgetter("position"))
-
-    def restate(self, position: int, stands: Restated) -> None:
-        """Keep what stands of the step at a position, if it is not deleted."""
-        index = self.index(position)
-        if index < len(self.steps) and (step := self.steps[index]).position == position:
-            standing = msgspec.structs.replace(stands.standing, explanations=plain_whys(stands.standing.explanations))
-            revised = {**step.revised, **stands.revised}
-            self.steps[index] = msgspec.structs.replace(step, standing=standing, revised=revised)
 
 
 @dataclass(slots=True)
@@ -96,7 +66,7 @@ class MemoryHistory(Alone):
 
     def __init__(self) -> None:
         """Keep nothing yet."""
-        self._kept: dict[int, _Kept] = {}
+        self._kept: dict[int, Kept] = {}
         self._failures: dict[int, str] = {}
         self._given: list[_Command] = []
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -134,7 +104,7 @@ class MemoryHistory(Alone):
 
     def open_session(self, session: SessionRecord) -> None:
         """Keep a new session."""
-        self._do(_Command(session.number, lambda: self._kept.update({session.number: _Kept(session)})))
+        self._do(_Command(session.number, lambda: self._kept.update({session.number: Kept(session)})))
 
     def begin_session(self, session: int, at: int) -> None:
         """Keep when a session began."""
@@ -215,6 +185,12 @@ class MemoryHistory(Alone):
             kept.episodes.forget((before - 1) * len(kept.record.properties))
 
         await self._done(session, forget)
+
+    async def forget_refused(self, session: int, keep: int) -> int:
+        """Delete a session's refused events but the last ones, and those that its next start needs."""
+        needed: list[int] = []
+        await self._done(session, lambda: needed.append(self._of(session).forget_refused(keep)))
+        return needed[0]
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
@@ -377,7 +353,8 @@ class MemoryHistory(Alone):
         found = []
         for number, kept in sorted(self._kept.items()):
             settled = kept.snapshot.settled if kept.snapshot else 0
-            found.append(Extent(number, kept.record.spec, kept.closed, settled, *await self.extent(number)))
+            extent, refused = await self.extent(number), len(kept.refusals)
+            found.append(Extent(number, kept.record.spec, kept.closed, settled, *extent, kept.beside, refused))
         return found
 
     async def judged_before(self, extent: Extent, time: int) -> int:
@@ -385,12 +362,12 @@ class MemoryHistory(Alone):
         return sum(step.judged < time for step in self._steps(extent.number))
 
     async def size(self) -> int:
-        """Bytes that the steps are taken to need."""
-        return sum(len(kept.steps) for kept in self._kept.values()) * _STEP
+        """Bytes that the sessions are taken to need."""
+        return sum(len(kept.steps) * STEP + kept.beside for kept in self._kept.values())
 
-    def _of(self, session: int) -> _Kept:
+    def _of(self, session: int) -> Kept:
         """What is kept of a session; of one that was forgotten, nothing, and what is added is lost."""
-        return self._kept.get(session) or _Kept(_FORGOTTEN)
+        return self._kept.get(session) or Kept(_FORGOTTEN)
 
     def _steps(self, session: int) -> list[StoredStep]:
         return self._of(session).steps

@@ -131,6 +131,14 @@ class Writing(Protocol):
         """Delete a session's steps before a position, and episodes that ended before; return once that is committed."""
         ...
 
+    async def forget_refused(self, session: int, keep: int) -> int:
+        """Delete a session's refused events but the last `keep`, and those that its next start needs.
+
+        Return, once that is committed, how many are kept beyond `keep` because they are needed: by their numbers no
+        snapshot has them.
+        """
+        ...
+
     async def forget_session(self, session: int) -> None:
         """Delete a session and all that is left of it; return once that is committed."""
         ...

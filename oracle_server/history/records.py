@@ -140,6 +140,7 @@ class Extent(NamedTuple):
     """Which steps of a session are kept: from position `first` to `last`, where `last` < `first` if there are none.
 
     `closed` is None while it is open; of an open one, the steps up to `settled` are not needed to restore it.
+    `beside` are the bytes that it takes beside its steps, about, and `refused` is how many refused events it has.
     """
 
     number: int
@@ -148,6 +149,8 @@ class Extent(NamedTuple):
     settled: int
     first: int
     last: int
+    beside: int = 0
+    refused: int = 0
 
 
 class StoredRevision(msgspec.Struct, frozen=True, gc=False):

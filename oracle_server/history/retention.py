@@ -1,11 +1,13 @@
 """Deletes history beyond the limits: closed sessions first, the oldest before others, then old events of open ones.
 
-Events that are needed to restore an open session are never deleted: all without a snapshot, else those after it.
+Where there are too many bytes, those sessions of them go first that have no events. Events that are needed to restore
+an open session are never deleted: all without a snapshot, else those after it.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
@@ -21,6 +23,8 @@ from oracle_server.history.records import Extent, Free
 
 _CHUNK = 2_000
 """Rows that are deleted with one commit, so that other commits are not delayed."""
+_REFUSED = 1_000
+"""Refused events that an open session keeps of many."""
 _WORTH_A_SNAPSHOT = 10
 """A snapshot is taken to make room only if more than one in so many of the remaining events could then go."""
 
@@ -50,6 +54,10 @@ class _Candidate:
     def left(self) -> int:
         return max(0, self.size - self.cut)
 
+    @property
+    def is_gone(self) -> bool:
+        return self.cut > self.size
+
     def make_room(self, count: int) -> int:
         """Mark up to `count` more of its oldest events for deletion; returns how many could be marked."""
         free = self.size
@@ -58,6 +66,25 @@ class _Candidate:
         more = max(0, min(count, free - self.cut))
         self.cut += more
         return more
+
+
+class _Measure(NamedTuple):
+    """What there may be at the `most`, and how much of that a step is; `in_bytes`, what is beside steps counts too."""
+
+    most: float
+    step: float
+    in_bytes: bool
+
+    def of(self, session: _Candidate) -> float:
+        beside = session.extent.beside if self.in_bytes and not session.is_gone else 0
+        return session.left * self.step + beside
+
+    def steps(self, excess: float) -> int:
+        return math.ceil(excess / self.step)
+
+    def sequence(self, closed: list[_Candidate]) -> list[_Candidate]:
+        """Closed sessions as they make room. Those without events make none but in bytes, and then before others."""
+        return sorted(closed, key=lambda session: self.in_bytes and session.left > 0)
 
 
 class Hold(NamedTuple):
@@ -102,14 +129,20 @@ class Pruner:
 
     async def prune(self) -> None:
         """Delete what is beyond the limits, and take snapshots of sessions that could then be cut further."""
-        sessions = [_Candidate(extent) for extent in await self._history.extents()]
-        size, bounds = await self._history.size(), self._of_specs()
+        bounds = self._of_specs()
+        if all(each == Retention() for each in (*bounds.values(), self._bounds)):
+            return
+        tended = await self._history.tended()
+        extents = await self._history.extents()
+        if await self._delete_refused(extents, bounds, tended):
+            extents = await self._history.extents()
+        sessions = [_Candidate(extent) for extent in extents]
+        size = await self._history.size()
         older = await self._older(sessions, {b.age for b in (*bounds.values(), self._bounds) if b.age is not None})
         for number in await asyncio.to_thread(self._choose_all, sessions, size, bounds, older):
             self._save(number)
-        tended = await self._history.tended()
         if self._hold is not None:
-            _hold_back(sessions, {free.session: free for free in await self._hold.free()}, size > self._hold.most)
+            _hold_back(sessions, await self._free(self._hold), size > self._hold.most)
         for session in sessions:
             if session.cut and (tended is None or session.extent.number in tended):
                 await self._delete(session)
@@ -127,7 +160,8 @@ class Pruner:
         self, sessions: list[_Candidate], size: int, bounds: dict[str, Retention], older: _Older
     ) -> set[int]:
         """Mark what to delete; returns the numbers of open sessions to save. With many sessions this takes long."""
-        row_size = size / max(1, sum(session.size for session in sessions))
+        beside = sum(session.extent.beside for session in sessions)
+        row_size = max(1.0, (size - beside) / max(1, sum(session.size for session in sessions)))
         groups = defaultdict(list)
         for session in sessions:
             groups[session.extent.spec].append(session)
@@ -147,15 +181,47 @@ class Pruner:
                 if (session.extent.closed or 0) < oldest:
                     session.cut = session.size + 1
             wanted |= _cut((session, older[session.extent.number, bounds.age] - session.cut) for session in live)
-        for limit in (bounds.events, None if bounds.size is None else int(bounds.size / row_size)):
-            excess = 0 if limit is None else sum(s.left for s in group) - limit
-            for session in closed:
-                if excess > 0 and session.left:
-                    excess -= session.make_room(excess)
+        for measure in _measures(bounds, row_size):
+            excess = sum(map(measure.of, group)) - measure.most
+            for session in measure.sequence(closed):
+                if excess > 0 and not session.is_gone:
+                    before = measure.of(session)
+                    session.make_room(measure.steps(excess))
                     session.cut += session.left == 0
-            level = _level([s.left for s in live], excess)
+                    excess -= before - measure.of(session)
+            level = _level([s.left for s in live], measure.steps(excess))
             wanted |= _cut((session, session.left - level) for session in live)
         return wanted
+
+    async def _delete_refused(
+        self, extents: list[Extent], bounds: dict[str, Retention], tended: frozenset[int] | None
+    ) -> bool:
+        """Keep the last refused events alone of open sessions that have twice as many, before what was judged goes.
+
+        Returns whether there were any such sessions.
+        """
+        many = [
+            extent
+            for extent in extents
+            if extent.closed is None
+            and extent.refused >= 2 * _REFUSED
+            and (tended is None or extent.number in tended)
+            and any(each != Retention() for each in (self._bounds, bounds.get(extent.spec, Retention())))
+        ]
+        if many and self._hold is not None and await self._history.size() <= self._hold.most:
+            free = await self._free(self._hold)
+            many = [extent for extent in many if _is_free(extent, free.get(extent.number))]
+        for extent in many:
+            needed = await self._history.forget_refused(extent.number, _REFUSED)
+            if needed >= _REFUSED:
+                self._save(extent.number)
+                await self._history.flush()
+                needed = await self._history.forget_refused(extent.number, _REFUSED)
+            log.info("history deleted", refused=extent.refused - _REFUSED - needed, session=extent.number)
+        return bool(many)
+
+    async def _free(self, hold: Hold) -> Mapping[int, Free]:
+        return {free.session: free for free in await hold.free()}
 
     async def _delete(self, session: _Candidate) -> None:
         extent, count = session.extent, session.cut
@@ -166,12 +232,22 @@ class Pruner:
         log.info("history deleted", session=extent.number, events=min(count, session.size))
 
 
+def _measures(bounds: Retention, row_size: float) -> list[_Measure]:
+    measures = [] if bounds.events is None else [_Measure(bounds.events, 1, in_bytes=False)]
+    return measures if bounds.size is None else [*measures, _Measure(bounds.size, row_size, in_bytes=True)]
+
+
+def _is_free(extent: Extent, known: Free | None) -> bool:
+    """Whether all that is kept of a session is forwarded."""
+    return known is not None and not known.more and known.position >= extent.last
+
+
 def _hold_back(sessions: Iterable[_Candidate], free: Mapping[int, Free], full: bool) -> None:
     """Have no session deleted that is not forwarded, nor steps of it; of a `full` history all steps but the last."""
     for session in sessions:
         extent, known = session.extent, free.get(session.extent.number)
         upto = 0 if known is None else known.position - extent.first + 1
-        if not session.cut or (known is not None and not known.more and upto >= session.size):
+        if not session.cut or _is_free(extent, known):
             continue
         if not full:
             session.cut = max(0, min(session.cut, upto))

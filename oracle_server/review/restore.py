@@ -94,6 +94,8 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
         monitor.name: _known(monitor, Numbering(again.used[monitor.name], numbers.get(monitor.name)))
         for monitor in known
     }
+    if any(monitor.lost for monitor in monitors.values()):
+        core.note_loss()  # what was refused may be deleted, and the snapshot that knew of it be of no use
     return Restored(core, position, saved, await history.refused(session), monitors, [*again.waiting.values()])
 
 

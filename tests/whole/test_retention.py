@@ -148,6 +148,30 @@ async def test_a_session_whose_beginning_is_gone_and_snapshot_too_judges_no_more
     assert [(r["n"], r["outcome"], r["degraded"]) for r in server.records("s", after=40)] == [(41, "unknown", True)]
 
 
+async def test_many_refused_events_go_and_are_not_sent_or_lost_again(start: Starts) -> None:
+    """Also where the snapshot that knew of them can't be used."""
+    server = start(**OFTEN, ORACLE_RETAIN_EVENTS="1000")
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_events(make_event(1, data={"v": 1}), make_event(2, data={"v": 10**25})))
+        await monitor.send(make_events(*(make_event(seq, "/nowhere") for seq in range(3, 2502))))
+        await monitor.acked(2501)
+    with closing(sqlite3.connect(server.data / "history.sqlite")) as database:
+        counted = "SELECT count(*), min(seq) FROM refused"
+        await server.until(lambda: database.execute(counted).fetchone(), lambda found: found == (1000, 1502))
+        assert server.get("sessions/s")["counters"]["refused"] == 2500
+        server.process.send(signal.SIGKILL)
+        server.process.wait()
+        server.end()
+        database.execute("UPDATE snapshots SET data = '{}'")
+        database.commit()
+    server = start(**OFTEN, ORACLE_RETAIN_EVENTS="1000")
+    async with attached(server, session="s", spec="single") as monitor:
+        assert monitor.attached["next"] == 2502
+        await monitor.send(make_event(2502, data={"v": 1}))
+        await monitor.acked(2502)
+    assert [(record["seq"], record["degraded"]) for record in server.records("s")] == [(1, False), (2502, True)]
+
+
 async def test_nothing_is_left_of_a_session_that_goes(start: Starts) -> None:
     server = start()
     async with attached(server, session="s", spec="single") as monitor:

@@ -14,7 +14,7 @@ import msgspec
 from oracle_server.history.sql.episodes import FORGET_GONE, KEEP
 from oracle_server.history.sql.schema import DDL
 from oracle_server.history.sql.standing import RESTATE
-from oracle_server.history.sql.statements import SIZE
+from oracle_server.history.sql.statements import BESIDE, SIZE
 
 _RESTATE = """
 UPDATE steps SET
@@ -44,7 +44,12 @@ _FORGET_GONE = """
 DELETE FROM episodes WHERE (session, property, first) IN
     (SELECT (value->>0)::bigint, value->>1, (value->>2)::bigint FROM json_array_elements(?::json) AS value)
 """
-_SIZE = """
+_BESIDE = (
+    "(200 + pg_column_size(s.text) + coalesce(pg_column_size(s.state), 0) + coalesce(pg_column_size(saved.data), 0) "
+    "+ (SELECT coalesce(sum(length(monitor) + length(code) + length(message) + 90), 0) FROM refused "
+    "WHERE session = s.number))::bigint"
+)
+_SIZE = f"""
 SELECT coalesce((
     SELECT (avg(pg_column_size(newest.*)) * 1.2 + 150)::bigint
     FROM (SELECT * FROM steps ORDER BY session DESC, position DESC LIMIT 500) AS newest
@@ -54,8 +59,10 @@ SELECT coalesce((
         - coalesce((SELECT min(position) FROM steps WHERE session = s.number), 1) + 1
     )::bigint
     FROM sessions s
+), 0) + coalesce((
+    SELECT sum({_BESIDE})::bigint FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number
 ), 0) + 100000
-"""
+"""  # noqa: S608 -- no value is written into it
 """What the rows take, by the newest of them: files do not become smaller where rows are deleted, only free for others.
 
 A row has 150 bytes beside its columns, in its page's head and in indexes, and a fifth more in blocks.
@@ -66,6 +73,7 @@ _PARTS = {
     KEEP: _KEEP,
     FORGET_GONE: _FORGET_GONE,
     SIZE: _SIZE,
+    BESIDE: _BESIDE,
     " GLOB '*' || ? || '*'": " ~ ?",
     "json_array_length(properties)": "json_array_length(properties::json)",
 }

@@ -35,6 +35,7 @@ from oracle_server.history.sql.database import Database, Store
 from oracle_server.history.sql.episodes import END, FORGET, keeping, read
 from oracle_server.history.sql.origins import of_origin
 from oracle_server.history.sql.reader import Reader
+from oracle_server.history.sql.refusals import needless, refusals
 from oracle_server.history.sql.rows import (
     Row,
     document_of,
@@ -48,7 +49,7 @@ from oracle_server.history.sql.rows import (
     step_row,
     text,
 )
-from oracle_server.history.sql.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
+from oracle_server.history.sql.schema import MONITOR_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
 from oracle_server.history.sql.statements import (
     EXTENT,
     KEPT,
@@ -207,12 +208,20 @@ class SqlHistory:
             self._writer.add(Work(session, sql, values, always=True))
         await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
 
+    async def forget_refused(self, session: int, keep: int) -> int:
+        """Delete a session's refused events but the last ones, and those that its next start needs."""
+        saved = await self.snapshot(session)
+        found = await self._reader.run(lambda reader: needless(reader, session, saved, keep))
+        for statement in found.statements:
+            await self._do(session, *statement)
+        return found.needed
+
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
         for table, key in OF_A_SESSION:
             await self._do(session, f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
 
-    async def _do(self, session: int, sql: str, values: tuple[int, ...]) -> None:
+    async def _do(self, session: int, sql: str, values: Row) -> None:
         done = asyncio.Event()
         self._writer.add(Work(session, sql, values, done.set, always=True))
         await done.wait()
@@ -278,12 +287,7 @@ class SqlHistory:
 
     async def refusals(self, session: int, after: Mapping[str, int] | None = None) -> list[Refusal]:
         """The refused events of a session, or of some monitors behind a number of each."""
-        sql = f"SELECT {','.join(REFUSED_COLUMNS)} FROM refused WHERE session = ?"  # noqa: S608
-        if after is None:
-            return await self._reader.all(_refusal_of, sql, (session,))
-        sql += " AND monitor = ? AND seq > ?"
-        values = [(session, monitor, seq) for monitor, seq in after.items()]
-        return await self._reader.run(lambda r: [_refusal_of(row) for each in values for row in r.execute(sql, each)])
+        return await self._reader.run(lambda reader: refusals(reader, session, after))
 
     async def refused(self, session: int) -> int:
         """How many events of a session were refused."""
@@ -363,8 +367,8 @@ class SqlHistory:
         """What is kept of each session."""
         return await self._reader.run(
             lambda reader: [
-                Extent(number, *rest, *reader.execute(EXTENT, (number,)).fetchone())
-                for number, *rest in reader.execute(KEPT).fetchall()
+                Extent(*row[:4], *reader.execute(EXTENT, row[:1]).fetchone(), *row[4:])
+                for row in reader.execute(KEPT).fetchall()
             ]
         )
 
@@ -382,7 +386,3 @@ class SqlHistory:
         """Bytes that the history takes."""
         (size,) = await self._reader.row(SIZE)
         return int(size)
-
-
-def _refusal_of(row: Row) -> Refusal:
-    return Refusal(*row[1:])

@@ -19,8 +19,15 @@ LAST_TIME = (
 )
 """A session's last step was judged last; all of them would be looked at otherwise. Recordings, and robots that
 forward, have a time of theirs."""
+BESIDE = (
+    "(200 + length(s.text) + coalesce(length(s.state), 0) + coalesce(length(saved.data), 0) "
+    "+ (SELECT coalesce(sum(length(monitor) + length(code) + length(message) + 30), 0) FROM refused "
+    "WHERE session = s.number))"
+)
+"""Bytes that a session takes beside its steps, about."""
 KEPT = (
-    "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
+    f"SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0), {BESIDE}, "  # noqa: S608
+    "(SELECT count(*) FROM refused WHERE session = s.number) "
     "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
 )
 OF_A_SESSION = (
