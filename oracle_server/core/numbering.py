@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from typing import Any
 
@@ -29,10 +30,13 @@ class Numbering:
         self._newest = 0
         self._done: list[tuple[int, int, int]] = [(first, last, size) for first, last, size in done]
         self._taken: set[int] = {last for _, last, _ in self._done}
-        self._gaps: dict[int, int] = {}
-        self._last_gap = 0
+        self._ahead: list[int] | None = None
+        """Numbers above the newest that are taken, the largest first; some may be used up. None where it is unknown."""
+        self._gaps = _Ranges()
         self._inside: set[int] = set()
         """Numbers that arrived after they were counted as lost, until they are used up."""
+        self._awaited: list[int] = []
+        """A heap of them; some may be used up."""
         for seq, gap, lost in sorted(committed):
             if seq > self.upto and seq not in self._taken:
                 self._taken.add(seq)
@@ -42,6 +46,7 @@ class Numbering:
     def hold(self, seq: int) -> None:
         """Mark a number as taken that is not used up yet."""
         self._taken.add(seq)
+        self._ahead = None
 
     @property
     def next(self) -> int:
@@ -66,11 +71,11 @@ class Numbering:
 
     def resume(self) -> None:
         """Expect a monitor to send again all that is not used up."""
-        self._newest = self.upto
+        self._newest, self._ahead = self.upto, None
 
     def restart(self) -> None:
         """Expect a monitor that does not know which numbers were taken."""
-        self._newest = max(self.upto, *self._taken) if self._taken else self.upto
+        self._newest, self._ahead = max(self.upto, *self._taken) if self._taken else self.upto, None
 
     def take(self, seq: int) -> int | None:
         """Take a number: the size of the gap before it, None where it was taken before."""
@@ -79,12 +84,13 @@ class Numbering:
             return None
         gap = max(0, seq - 1 - before)
         if gap:
-            gap -= sum(1 for other in self._taken if before < other < seq)
+            gap -= self._count_taken(before, seq)
         if gap:
-            self._gaps[seq] = gap
-            self._last_gap = max(self._last_gap, seq)
-        if seq < self._last_gap and any(other - size <= seq < other for other, size in self._gaps.items()):
+            self._gaps.forget(self.upto)
+            self._gaps.add(seq - gap, seq)
+        if seq in self._gaps:
             self._inside.add(seq)
+            heapq.heappush(self._awaited, seq)
         self._taken.add(seq)
         return gap
 
@@ -94,11 +100,47 @@ class Numbering:
         heapq.heappush(self._done, (seq - gap, seq, lost))
         while self._done and self._done[0][0] <= self.upto + 1:
             _, end, refused = self._done[0]
-            if self._inside and (awaited := min(self._inside)) < end:
-                self.upto = max(self.upto, awaited - 1)
+            while self._awaited and self._awaited[0] not in self._inside:
+                heapq.heappop(self._awaited)
+            if self._awaited and self._awaited[0] < end:
+                self.upto = max(self.upto, self._awaited[0] - 1)
                 break
             heapq.heappop(self._done)
             self._taken.discard(end)
-            self._gaps.pop(end, None)
             self._lost = 0 if refused == JUDGED else self._lost + refused
             self.upto = max(self.upto, end)
+
+    def _count_taken(self, before: int, seq: int) -> int:
+        """How many numbers between two are taken, the first of which was the newest; the second one is now."""
+        if self._ahead is None:
+            self._ahead = sorted([other for other in self._taken if other > before], reverse=True)
+        count = 0
+        while self._ahead and self._ahead[-1] < seq:
+            other = self._ahead.pop()
+            count += other > before and other in self._taken
+        return count
+
+
+class _Ranges:
+    """Ranges of numbers, each from a first one to before an end; those that touch are one."""
+
+    def __init__(self) -> None:
+        self._firsts: list[int] = []
+        self._ends: list[int] = []
+
+    def __contains__(self, number: int) -> bool:
+        found = bisect_right(self._firsts, number) - 1
+        return found >= 0 and number < self._ends[found]
+
+    def add(self, first: int, end: int) -> None:
+        """Add a range, of which some may be there."""
+        begin, behind = bisect_left(self._ends, first), bisect_right(self._firsts, end)
+        if begin < behind:
+            first, end = min(first, self._firsts[begin]), max(end, self._ends[behind - 1])
+        self._firsts[begin:behind], self._ends[begin:behind] = [first], [end]
+
+    def forget(self, upto: int) -> None:
+        """Forget ranges that have no number behind one: nobody asks for these."""
+        if self._ends and self._ends[0] <= upto + 1:
+            count = bisect_right(self._ends, upto + 1)
+            del self._firsts[:count], self._ends[:count]
