@@ -28,6 +28,13 @@ def silent_text(origin: str, since: str) -> str:
     return f"'{origin}' was heard last at {since} UTC: what was judged there since then is not known here"
 
 
+def copied_text(origin: str) -> str:
+    """What people are told of an open session of a robot which forwards to the history that this is a copy of."""
+    return (
+        f"'{origin}' does not forward to this history, which is a copy: what was judged there since is not known here"
+    )
+
+
 def missing_text(gaps: Iterable[Sequence[int]]) -> str:
     """What people are told of steps that were deleted at a robot before they were forwarded."""
     told = ", ".join(f"{first} to {last}" for first, last in gaps)

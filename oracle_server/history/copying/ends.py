@@ -25,6 +25,10 @@ class End(Protocol):
         """Its format, 0 where it has none yet."""
         ...
 
+    def tables(self) -> tuple[Table, ...]:
+        """The tables that it has of a history, in the sequence in which they are copied."""
+        ...
+
     def prepare(self) -> None:
         """Make the tables, or bring them to this version's format. Raises `FormatError` of a newer one."""
         ...
@@ -55,6 +59,14 @@ class End(Protocol):
 
     def hand_over(self) -> None:
         """Let whichever server begins first go on with the sessions that are open, within a transaction."""
+        ...
+
+    def forwarded(self) -> list[Row]:
+        """Which sessions robots forward: their numbers here, the robots' origins and histories, their numbers there."""
+        ...
+
+    def have_brought(self, rows: list[Row]) -> None:
+        """Have those of them brought anew of which it is not known how far they are here, within a transaction."""
         ...
 
     def settle(self) -> None:

@@ -7,9 +7,9 @@ from collections.abc import Generator, Iterator, Sequence
 from typing import Any
 
 from oracle_server.history.copying.ends import BATCH, CopyError
-from oracle_server.history.copying.tables import Table, tables
+from oracle_server.history.copying.tables import FORWARDED, Table, tables
 from oracle_server.history.postgres.connection import Connection
-from oracle_server.history.postgres.schema import prepare
+from oracle_server.history.postgres.schema import COUNT_ON, prepare
 from oracle_server.history.sql.database import Cursor
 from oracle_server.history.sql.rows import Row
 
@@ -26,8 +26,15 @@ INSERT INTO nodes (node, owner, epoch, until, batch, place) VALUES ('copy', '', 
 ON CONFLICT DO NOTHING
 """
 _OWNED = """
-INSERT INTO owners (session, id, node) SELECT number, id, 'copy' FROM sessions WHERE closed IS NULL
+INSERT INTO owners (session, id, node)
+SELECT number, id, 'copy' FROM sessions WHERE closed IS NULL AND id NOT LIKE '%@%'
 ON CONFLICT DO NOTHING
+"""
+"""What robots forward is theirs."""
+_CAME = "SELECT session, origin, robot, number FROM forwarded ORDER BY session"
+_BRING = """
+INSERT INTO forwarded (session, origin, robot, number, position, gaps)
+SELECT number, ?2, ?3, ?4, 0, '[]' FROM sessions WHERE number = ?1 ON CONFLICT DO NOTHING
 """
 
 
@@ -51,6 +58,10 @@ class PostgresEnd:
             return 0
         found = self.execute("SELECT version FROM format").fetchone()
         return 0 if found is None else int(found[0])
+
+    def tables(self) -> tuple[Table, ...]:
+        """The history's, behind how far it has what robots forward: these may bring more while it is copied."""
+        return (*FORWARDED, *tables()) if self._has("forwarded") else tables()
 
     def prepare(self) -> None:
         """Make the tables, or bring them to this version's format; see that commits are kept."""
@@ -99,14 +110,23 @@ class PostgresEnd:
             raise CopyError(f"{self.where}: refuses a row of `{table.name}`: {error}") from None
 
     def hand_over(self) -> None:
-        """Where sessions have owners, give the open ones to a node whose lease has run out: they are taken over."""
-        if self._has("owners"):
-            self.execute(_OWNER)
-            self.execute(_OWNED)
+        """Give open sessions to a node whose lease has run out: they are taken over. Number new ones behind all."""
+        self.execute(_OWNER)
+        self.execute(_OWNED)
+        self.execute(COUNT_ON)
+
+    def forwarded(self) -> list[Row]:
+        """Which sessions robots forward: their numbers here, the robots, and their numbers there."""
+        return self.execute(_CAME).fetchall() if self._has("forwarded") else []
+
+    def have_brought(self, rows: list[Row]) -> None:
+        """Have those of them brought anew of which it is not known how far they are here, within a transaction."""
+        for row in rows:
+            self.execute(_BRING, row)
 
     def settle(self) -> None:
         """Have it know what the tables are like, by which it chooses how to answer."""
-        for table in tables():
+        for table in self.tables():
             self.execute(f"ANALYZE {table.name}")
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.copying.ends import BATCH, CopyError
-from oracle_server.history.copying.tables import Table
+from oracle_server.history.copying.tables import Table, tables
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import VERSION
 from oracle_server.history.sql.statements import insertion
@@ -52,6 +52,10 @@ class SqliteEnd:
         if not version and self.execute("SELECT 1 FROM sqlite_master").fetchone():
             raise CopyError(f"{self.where}: is a database, and no history")
         return int(version)
+
+    def tables(self) -> tuple[Table, ...]:
+        """The history's."""
+        return tables()
 
     def prepare(self) -> None:
         """Make the tables, in a file that nobody else can read, or bring them to this version's format."""
@@ -98,6 +102,13 @@ class SqliteEnd:
 
     def hand_over(self) -> None:
         """There is one server at the most: all sessions are its own."""
+
+    def forwarded(self) -> list[Row]:
+        """Which sessions robots forward: none to a file."""
+        return []
+
+    def have_brought(self, rows: list[Row]) -> None:
+        """Nothing can be brought to a file."""
 
     def settle(self) -> None:
         """Nothing is to be done."""

@@ -16,7 +16,7 @@ import msgspec
 from oracle_server.core.units import counted
 from oracle_server.history.copying.ends import CopyError, End
 from oracle_server.history.copying.insqlite import SqliteEnd, file_of
-from oracle_server.history.copying.tables import Key, Table, tables
+from oracle_server.history.copying.tables import Key, Table
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import UNFINISHED, VERSION, FormatError
 from oracle_server.process.progress import Show, progress
@@ -69,8 +69,9 @@ def copy(source: End, target: End, show: Show) -> Copied:
     place, count = _begin(source, target, state)
     if place is None:
         return Copied(count, already=True)
-    total = _count(source)
-    left = tables()[[table.name for table in tables()].index(place.table) :]
+    both = _tables(source, target)
+    total = _count(source, both)
+    left = both[[table.name for table in both].index(place.table) :]
     for table in left:
         place = _moved(target, place, place if table.name == place.table else _Place(table.name), count)
         for page in _pages(source, table, place.after):
@@ -83,6 +84,7 @@ def copy(source: End, target: End, show: Show) -> Copied:
         raise CopyError(f"a server has used {source.where} meanwhile; {_anew(target)}")
     with target.transaction():
         target.execute("UPDATE copied SET place = ?", (_DONE,))
+        target.have_brought(source.forwarded())
         target.hand_over()
         target.mark(VERSION)
     target.settle()
@@ -138,11 +140,17 @@ def _begin(source: End, target: End, state: str) -> tuple[_Place | None, int]:
             return None, found[2]
         if target.execute("SELECT 1 FROM sessions").fetchone():
             raise CopyError(f"{target.where}: has sessions already; copy {source.where} to an empty one")
-        place = _Place(tables()[0].name)
+        place = _Place(_tables(source, target)[0].name)
         target.execute("DELETE FROM copied")
         target.execute("INSERT INTO copied VALUES (?, ?, 0)", (state, _text(place)))
         target.mark(UNFINISHED)
     return place, 0
+
+
+def _tables(source: End, target: End) -> list[Table]:
+    """The tables that both have."""
+    names = {table.name for table in target.tables()}
+    return [table for table in source.tables() if table.name in names]
 
 
 def _anew(target: End) -> str:
@@ -182,8 +190,8 @@ def _pages(source: End, table: Table, after: Key | None) -> Iterator[list[Row]]:
         yield page
 
 
-def _count(source: End) -> int:
+def _count(source: End, both: list[Table]) -> int:
     """How many rows there are, of all tables."""
-    others = [table.name for table in tables() if table.name != "steps"]
+    others = [table.name for table in both if table.name != "steps"]
     statements = [_STEPS, *(f"SELECT count(*) FROM {name}" for name in others)]  # noqa: S608
     return sum(int(source.execute(sql).fetchone()[0]) for sql in statements)

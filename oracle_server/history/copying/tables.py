@@ -30,6 +30,13 @@ class Table(NamedTuple):
         return f"SELECT {','.join(self.columns)} FROM {self.name} {where} ORDER BY {key}", values  # noqa: S608
 
 
+FORWARDED = (
+    Table("origins", ("origin", "robot", "writer", "seq", "heard"), 2),
+    Table("forwarded", ("session", "origin", "robot", "number", "position", "gaps"), 1),
+)
+"""Of a centre: what it has of robots. Robots write to it without any server."""
+
+
 @cache
 def tables() -> tuple[Table, ...]:
     """All tables that have rows of sessions; the sessions first."""

@@ -10,7 +10,7 @@ import msgspec
 import structlog
 
 from oracle_server.core.errors import HistoryError
-from oracle_server.history.origins import forwarded_name, missing_text, origin_of, silent_text
+from oracle_server.history.origins import copied_text, forwarded_name, missing_text, origin_of, silent_text
 from oracle_server.history.port import Done
 from oracle_server.history.postgres import sharing
 from oracle_server.history.postgres.reader import Pool, PostgresReader, connect
@@ -134,7 +134,7 @@ class PostgresHistory(SqlHistory):
         numbers = ",".join(str(other.record.number) for other in found if origin_of(other.record.id))
         rows = await self._reader.all(tuple, sharing.FORWARDED, (_SILENT, f"{{{numbers}}}")) if numbers else []
         robots = {session: (gaps, silent) for session, gaps, silent in rows}
-        return [_of_robot(other, *robots.get(other.record.number, ("[]", None))) for other in found]
+        return [_of_robot(other, robots.get(other.record.number)) for other in found]
 
     async def take_over(self, known: Collection[int]) -> list[SessionRecord]:
         """Take the sessions of nodes whose lease has run out; returns those that are this one's, and not `known`."""
@@ -172,11 +172,18 @@ class PostgresHistory(SqlHistory):
         return Elsewhere(node or "", url, node == self._node, lasting)
 
 
-def _of_robot(other: OtherSession, gaps: str, silent: str | None) -> OtherSession:
-    """A session with its place at the robot that forwards it, if one does; `silent`: since when that is not heard."""
+def _of_robot(other: OtherSession, told: tuple[str, str | None] | None) -> OtherSession:
+    """A session with its place at the robot that forwards it, if one does.
+
+    What is `told`: which steps are missing, and since when the robot is not heard; None where it forwards elsewhere.
+    """
     origin = origin_of(other.record.id)
     if origin is None:
         return other
+    if told is None:
+        place = Elsewhere(origin, None, here=False, lasting=False)
+        return other._replace(place=place, trouble=copied_text(origin))
+    gaps, silent = told
     troubles = [missing_text(missing)] if (missing := _decode(gaps)) else []
     troubles += [silent_text(origin, silent)] if silent else []
     place = Elsewhere(origin, None, here=False, lasting=silent is None)

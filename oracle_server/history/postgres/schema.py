@@ -63,12 +63,14 @@ INSERT INTO owners (session, id, node) SELECT number, id, 'server' FROM sessions
 ON CONFLICT DO NOTHING
 """
 """What a server had that held its database alone is its own, by the name that each of these had."""
-_COUNT_ON = """
+COUNT_ON = """
 SELECT setval('session_numbers', last.number)
-FROM (SELECT max(number) AS number FROM sessions) AS last, session_numbers AS counter
-WHERE last.number > counter.last_value
+FROM (
+    SELECT greatest((SELECT max(number) FROM sessions), (SELECT max(session) FROM forwarded)) AS number
+) AS last, session_numbers AS counter
+WHERE last.number > counter.last_value OR (last.number = counter.last_value AND NOT counter.is_called)
 """
-"""Numbers that were given before there was a counter."""
+"""Numbers that were given before there was a counter, or in the history of which this is a copy."""
 _SETTINGS = ("fsync", "full_page_writes", "synchronous_commit")
 _STANDBYS = "SELECT count(*) FROM pg_stat_replication WHERE sync_state IN ('sync', 'quorum')"
 
@@ -91,7 +93,7 @@ def prepare(database: Connection) -> None:
             database.execute(_SHARE)
         if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:
             database.execute(_FORWARDED)
-        database.execute(_COUNT_ON)
+        database.execute(COUNT_ON)
         database.commit()
     except BaseException:
         database.rollback()

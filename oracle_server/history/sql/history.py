@@ -55,6 +55,7 @@ from oracle_server.history.sql.statements import (
     KEPT,
     LAST_TIME,
     OF_A_SESSION,
+    OPEN,
     SESSIONS,
     SIZE,
     STEPS,
@@ -256,8 +257,8 @@ class SqlHistory:
         return int(time)
 
     async def open_sessions(self) -> list[SessionRecord]:
-        """The sessions that are not closed."""
-        return await self._reader.all(session_of, f"{SESSIONS} WHERE closed IS NULL ORDER BY number")
+        """The sessions that are not closed, but those that robots forward."""
+        return await self._reader.all(session_of, OPEN)
 
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""

@@ -8,6 +8,8 @@ from oracle_server.history.sql.schema import SESSION_COLUMNS, STEP_COLUMNS
 
 STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
 SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
+OPEN = f"{SESSIONS} WHERE closed IS NULL AND id NOT LIKE '%@%' ORDER BY number"
+"""What robots forward is theirs, wherever it is copied to."""
 UPTO = "session = ? AND position <= ? AND ord = ?"
 EXTENT = (  # each end by itself: one query for both would read all that is between
     "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "

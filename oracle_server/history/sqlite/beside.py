@@ -9,43 +9,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.alone import Alone
 from oracle_server.history.readers import Readers
 from oracle_server.history.records import Elsewhere, OtherSession, SessionRecord
 from oracle_server.history.sql.asking import Asking
 from oracle_server.history.sql.history import SqlHistory
-from oracle_server.history.sql.rows import Row, session_of
-from oracle_server.history.sql.schema import SESSION_COLUMNS, VERSION, FormatError
-from oracle_server.history.sql.standing import stands
+from oracle_server.history.sql.rows import Row
+from oracle_server.history.sql.schema import VERSION, FormatError
 from oracle_server.history.sqlite.history import NAME
+from oracle_server.history.sqlite.others import IS_OPEN, OPEN, other, values
 from oracle_server.history.sqlite.reader import SqliteReader, connect
 from oracle_server.process.pidfile import PidFileError, running
 
 T = TypeVar("T")
 
 _NOBODY = "no process has its history open: it goes on once one does"
-_OPEN = (
-    f"SELECT {','.join(f's.{name}' for name in SESSION_COLUMNS)}, "  # noqa: S608 -- no value is in it
-    """
-    coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending,
-    (SELECT json_group_object(property, json_array(violations, first)) FROM (
-        SELECT property, sum(count) AS violations, min(first) AS first FROM episodes
-        WHERE session = s.number AND ord = s.decides GROUP BY property
-    )),
-    (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number)
-FROM sessions s LEFT JOIN steps last ON last.session = s.number AND last.position = (
-    SELECT position FROM steps
-    WHERE session = s.number AND ord = s.decides AND revision IS NULL ORDER BY position DESC LIMIT 1
-)
-WHERE s.closed IS NULL AND (?1 IS NULL OR s.id = ?1) ORDER BY s.number DESC LIMIT 1000
-"""
-)
-_IS_OPEN = "SELECT 1 FROM sessions WHERE id = ? AND closed IS NULL"
-
-_decode = msgspec.json.decode
 
 
 class SqliteBeside(Alone, SqlHistory):
@@ -83,13 +62,15 @@ class SqliteBeside(Alone, SqlHistory):
 
     async def elsewhere(self, name: str) -> Elsewhere | None:
         """Which process has a session that is open; None where it is closed or unknown."""
-        found = await self._lookups.one(tuple, _IS_OPEN, (name,))
+        found = await self._lookups.one(tuple, IS_OPEN, (name,))
         return None if found is None else await self._place()
 
     async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:
-        """The sessions that are open, the newest first; or the one of a name. None is forwarded to here."""
-        place = await self._place()
-        return [] if origin is not None else await self._reader.all(partial(_other, place), _OPEN, (name,))
+        """The sessions that are open, the newest first; or the one of a name, or a robot's."""
+        others = await self._reader.all(
+            partial(other, await self._place()), OPEN, values(name, origin, forwarded=False)
+        )
+        return [each if each.place.lasting or each.trouble else each._replace(trouble=_NOBODY) for each in others]
 
     async def _place(self) -> Elsewhere:
         try:
@@ -143,11 +124,3 @@ def _demand_format(path: Path) -> None:
             f"{path}: is of an older format ({version}, not {VERSION}), and only read here; it is brought to this "
             "one by an adapter or a server of this version that writes it"
         )
-
-
-def _other(place: Elsewhere, row: Row) -> OtherSession:
-    record = session_of(row[: len(SESSION_COLUMNS)])
-    steps, outcomes, pending, told, them = row[-5:]
-    properties = stands(record.properties, outcomes, pending, told) if steps else []
-    monitors = [(name, attached > 0, clock) for name, attached, clock in _decode(them)]
-    return OtherSession(record, place, steps, properties, monitors, None if place.lasting else _NOBODY)

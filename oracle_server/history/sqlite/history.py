@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from oracle_server.core.revisions import Revision
 from oracle_server.history.alone import Alone
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.forwarding import changes
+from oracle_server.history.origins import origin_of
 from oracle_server.history.port import Done
 from oracle_server.history.readers import Readers
-from oracle_server.history.records import StoredStep
+from oracle_server.history.records import Elsewhere, OtherSession, StoredStep
 from oracle_server.history.sql.asking import Asking
 from oracle_server.history.sql.history import SqlHistory
 from oracle_server.history.sql.rows import text
 from oracle_server.history.sqlite.forwarded import SqliteForwarding
+from oracle_server.history.sqlite.others import IS_OPEN, OPEN, other, values
 from oracle_server.history.sqlite.reader import SqliteReader, connect
 from oracle_server.history.sqlite.store import Durability, SqliteStore
 
@@ -58,6 +61,16 @@ class SqliteHistory(Alone, SqlHistory):
         await super().forget_session(session)
         if self._noted:
             await self._do(session, changes.FORGET_SESSION, (session,))
+
+    async def elsewhere(self, name: str) -> Elsewhere | None:
+        """The robot that has a session which is open; None of any that is this server's, closed or unknown."""
+        if (origin := origin_of(name)) is None or await self._lookups.one(tuple, IS_OPEN, (name,)) is None:
+            return None
+        return Elsewhere(origin, None, here=False, lasting=False)
+
+    async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:
+        """The open sessions that a centre's history, from which this one is copied, had of robots."""
+        return await self._reader.all(partial(other, None), OPEN, values(name, origin, forwarded=True))
 
     async def last_number(self) -> int:
         """The largest number that a session has, or had."""
