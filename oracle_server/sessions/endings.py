@@ -26,18 +26,19 @@ class Runs:
 
     async def goes_on(self, name: str) -> bool:
         """Whether a name that is not known is that of a session of which later runs are."""
-        return run_of(name)[1] == 1 and await self._last(name) > 0
+        return run_of(name)[1] == 1 and await self._last(name) is not None
 
     async def following(self, name: str) -> str:
         """The name of the run behind all that are known."""
-        return named(run_of(name)[0], max(1, await self._last(name)) + 1)
+        last = await self._last(name)
+        return named(run_of(name)[0], 2 if last is None else run_of(last)[1] + 1)
 
     async def anew(self, name: str) -> str:
         """The last run of a session where it is open, else the one in which it is to begin anew."""
-        last = named(run_of(name)[0], max(1, await self._last(name)))
-        return last if last in self._open else await self.following(name)
+        last = await self._last(name)
+        return last if last is not None and last in self._open else await self.following(name)
 
-    async def _last(self, name: str) -> int:
+    async def _last(self, name: str) -> str | None:
         stem, _ = run_of(name)
         return last_run(stem, {*self._open, *self._unrestored, *await self._history.names(beginning(stem))})
 
