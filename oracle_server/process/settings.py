@@ -21,8 +21,16 @@ POSTGRES = ("postgresql://", "postgres://")
 
 
 def _data_dir() -> Path:
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(state) / "oracle-server"
+    state = os.environ.get("XDG_STATE_HOME")
+    if state:
+        return Path(state) / "oracle-server"
+    try:
+        return Path.home() / ".local" / "state" / "oracle-server"
+    except RuntimeError:  # as for a container's user that is a number alone
+        raise SettingsError(
+            "there is no data directory: this user has no home directory, by HOME or the list of users; name one by "
+            "--data-dir or ORACLE_DATA_DIR"
+        ) from None
 
 
 def _history(value: str) -> str:

@@ -1,0 +1,33 @@
+"""Settings that can't be found out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from oracle_server.process.settings import SettingsError, load_settings
+
+
+@pytest.fixture
+def homeless(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """A user without HOME and an entry in the list of users, as a container's may be."""
+
+    def unknown(*_: object) -> None:
+        raise KeyError("getpwuid(): uid not found")
+
+    for name in ("HOME", "XDG_STATE_HOME", "ORACLE_DATA_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    return monkeypatch
+
+
+def test_a_user_without_a_home_is_told_to_name_a_data_directory(homeless: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"has no home directory.* --data-dir or ORACLE_DATA_DIR"):
+        load_settings()
+    assert load_settings(data_dir=tmp_path).data_dir == tmp_path
+    homeless.setenv("ORACLE_DATA_DIR", str(tmp_path))
+    assert load_settings().data_dir == tmp_path
+    homeless.delenv("ORACLE_DATA_DIR")
+    homeless.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert load_settings().data_dir == tmp_path / "oracle-server"
