@@ -11,7 +11,7 @@ from oracle_server.specfiles.model import ros_type
 from oracle_server.specfiles.rosmonitoring.cel import FAILS, TODO
 from oracle_server.specfiles.rosmonitoring.config import Interface
 from oracle_server.specfiles.rosmonitoring.draft import Draft, streams_of
-from oracle_server.specfiles.rosmonitoring.expressions import Stream
+from oracle_server.specfiles.rosmonitoring.streams import Stream
 
 _HIDDEN = re.compile(r"(?P<action>.+)/_action/(?P<service>send_goal|get_result|cancel_goal|feedback)")
 _OF_SERVICES: Mapping[tuple[str, str], tuple[Kind, str]] = {

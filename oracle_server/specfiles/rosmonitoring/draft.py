@@ -12,9 +12,9 @@ from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.model import ros_type
 from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.config import Config, Interface
-from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.formulas import FutureError, changed
 from oracle_server.specfiles.rosmonitoring.module import PropertyModule
+from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.translate import Signal, Translation, translate
 
 TODO = "todo"

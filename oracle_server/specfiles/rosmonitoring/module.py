@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from oracle_server.specfiles.rosmonitoring.config import ConfigError
-from oracle_server.specfiles.rosmonitoring.expressions import State, Stream
+from oracle_server.specfiles.rosmonitoring.expressions import State
 from oracle_server.specfiles.rosmonitoring.functions import check, parameters, unbound
 from oracle_server.specfiles.rosmonitoring.scope import Scope, read_scope
 from oracle_server.specfiles.rosmonitoring.statements import Machine
+from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.toplevel import follow_top, sharing
 from oracle_server.specfiles.rosmonitoring.values import Const, Function, Message, UnfollowableError, Value
 

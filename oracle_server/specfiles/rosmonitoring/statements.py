@@ -11,7 +11,7 @@ from oracle_server.specfiles.rosmonitoring.branches import merged
 from oracle_server.specfiles.rosmonitoring.calls import function
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
-from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
+from oracle_server.specfiles.rosmonitoring.expressions import State, evaluate
 from oracle_server.specfiles.rosmonitoring.functions import (
     can_be_keys,
     check,
@@ -23,6 +23,7 @@ from oracle_server.specfiles.rosmonitoring.functions import (
 from oracle_server.specfiles.rosmonitoring.left import leave
 from oracle_server.specfiles.rosmonitoring.operators import arithmetic
 from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, root
+from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,

@@ -33,10 +33,10 @@ from oracle_server.core.formula.tree import (
 )
 from oracle_server.core.formula.tree import Any as AnyValue
 from oracle_server.specfiles.rosmonitoring.cel import Use, fitted, rendered
-from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.formulas import UnreadableFormulaError, changed, read_formula
 from oracle_server.specfiles.rosmonitoring.module import PropertyModule
 from oracle_server.specfiles.rosmonitoring.predicates import Predicate, follow
+from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.values import Const, Kept, Raises, Term, Unread, UntranslatableError, leaves
 
 _CONTRARY: dict[str, Any] = {"==": "!=", "!=": "==", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}

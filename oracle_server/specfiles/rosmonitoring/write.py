@@ -16,8 +16,8 @@ from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.cel import TODO as UNWRITTEN
 from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, load_config
 from oracle_server.specfiles.rosmonitoring.draft import TODO, Draft, make_draft, streams_of
-from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.module import read_module
+from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.translate import Translation, reason_line
 
 
