@@ -26,12 +26,13 @@ and, where they are raised:
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
 - `history.copying`: `CopyError`, a `HistoryError`: of a history that can't be copied, or not to where it was to go
 - `review`: `NoExplanationError`; `NowhereError`, of a place in a session that there is not
-- `sessions`: `SessionExistsError`, `SessionStaysOpenError`; `OtherServerError`, of a session that another server has
+- `sessions`: `SessionExistsError`, `SessionNameError`, `SessionStaysOpenError`; `OtherServerError`, of a session that
+  another server has
 - `replay`: `DamagedError`, of a part of a recording; `ResultsError`, of a table of results that can't be read or
   written; `RayError`, where Ray is not there
 - `foxglove`: `FoxgloveError`, where nothing can be offered to Foxglove
 - `jobs`: `UncheckedError`, of a spec; `CrowdedError`, where too much is wanted at once;
-  `JudgeError`, `FullError` and `TooLargeError`, of a recording that was sent
+  `JudgeError`, `FullError`, `TooLargeError` and `UnwantedError`, of a recording that was sent
 - `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it; `ListenError`, of an
   address that can't be listened at
 - `embedded`: `EmbeddedError`, of an oracle in an adapter's process that can't be opened
