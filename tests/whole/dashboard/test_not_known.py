@@ -97,6 +97,15 @@ async def test_what_retention_has_deleted_was_there(start: Starts, page: Page) -
         await expect(page.locator(".now .card")).to_contain_text("Its property holds · its violations are kept no more")
         violations = page.get_by_role("region", name="violations")
         await expect(violations).to_contain_text("Those that there were are kept no more.")
+        asked: list[str] = []
+        page.on(
+            "request", lambda sent: asked.append(sent.url) if sent.url.endswith("/verdicts/5/explanation") else None
+        )
+        await page.goto(f"{server.url}/#/sessions/s?n=5")
+        await expect(page.locator(".verdict")).to_contain_text("verdict 5 of session 's' is not kept any more")
+        async with page.expect_response(lambda answer: "/timeline" in answer.url):  # the page is refreshed
+            await monitor.send(make_event(1001, at=2000, data={"v": 1}))
+        assert len(asked) == 1, "what is gone is asked for once"
 
 
 async def test_that_it_failed_before_is_found_among_many_of_another_spec(start: Starts, page: Page) -> None:
