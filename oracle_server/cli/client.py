@@ -31,9 +31,9 @@ class ServerUnreachableError(OracleError):
 
 
 def of_session(name: str, *more: str) -> str:
-    """The path of a session, or of what there is of it. Raises `ServerUnreachableError` where the name is empty."""
-    if not name:
-        raise ServerUnreachableError("'' names no session; `oracle-server sessions` lists all")
+    """The path of a session, or of what there is of it. Raises `ServerUnreachableError` where none has such a name."""
+    if not name or not name.isprintable():
+        raise ServerUnreachableError(f"{name!r} names no session; `oracle-server sessions` lists all")
     quoted = quote(name, safe="")
     if name in UNREACHABLE:  # as an older server may have them: so a path does not leave them out
         quoted = quoted.replace(".", "%2E")

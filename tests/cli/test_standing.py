@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
 from typing import Any, cast
 
@@ -53,7 +53,7 @@ class Told:
         self.asked.append(query["as"])
         return self._records
 
-    def events(self, path: str, **query: Any) -> Iterator[dict[str, Any]]:
+    def events(self, path: str, note: Callable[[str], object], **query: Any) -> Iterator[dict[str, Any]]:
         yield from self.pages(path, **query)
 
 
