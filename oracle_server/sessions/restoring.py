@@ -39,11 +39,11 @@ class Restoring:
         """
         plans = Plans(await self._library.in_thread(self._library.listed))
         for opened in sessions:
-            if opened.kind == "recording":
-                await cut_off(opened, self._history, self._clock.now())
-                continue
             try:
-                await self._restore(opened, await asyncio.to_thread(plans.of, opened))
+                if opened.kind == "recording":
+                    await cut_off(opened, self._history, self._clock.now())
+                else:
+                    await self._restore(opened, await asyncio.to_thread(plans.of, opened))
             except UnansweredError as error:
                 self._forget(opened.id)
                 log.warning("a session is not restored yet", session=opened.id, reason=str(error))

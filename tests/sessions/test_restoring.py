@@ -133,6 +133,24 @@ async def test_whatever_goes_wrong_with_one_session_the_others_go_on(
 
 
 @pytest.mark.usefixtures("within")
+async def test_a_recording_whose_rows_can_not_be_understood_keeps_no_session_from_going_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history, private = await left(tmp_path)
+    kept = history._kept[1]
+    kept.record = kept.record._replace(kind="recording")
+
+    async def fails(*_: object) -> Any:
+        raise KeyError("odd")
+
+    monkeypatch.setattr("oracle_server.sessions.recorded.committed", fails)
+    second = impatient(history, tmp_path)
+    await second.restore_all()
+    assert set(second.open) == {"two", private}
+    assert second.unrestored["one"].reason == "KeyError: 'odd'"
+
+
+@pytest.mark.usefixtures("within")
 async def test_a_session_that_could_not_be_restored_is_closed_for_good(tmp_path: Path) -> None:
     history, _ = await left(tmp_path)
     kept = history._kept[1]
