@@ -159,6 +159,7 @@ class Recordings:
         except BaseException:
             if not one.unwanted or _is_cancelled():
                 del self._all[one.id]
+                one.ended.set()  # who cancels it meanwhile is waiting for that
                 raise
         if path is not None and not one.unwanted:
             return path
