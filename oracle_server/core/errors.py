@@ -28,8 +28,8 @@ and, where they are raised:
 - `review`: `NoExplanationError`; `NowhereError`, of a place in a session that there is not
 - `sessions`: `SessionExistsError`, `SessionNameError`, `SessionStaysOpenError`; `OtherServerError`, of a session that
   another server has
-- `replay`: `DamagedError`, of a part of a recording; `ResultsError`, of a table of results that can't be read or
-  written; `RayError`, where Ray is not there
+- `replay`: `DamagedError`, of a part of a recording; `UnreadDefinitionError`, of a type that it defines;
+  `ResultsError`, of a table of results that can't be read or written; `RayError`, where Ray is not there
 - `foxglove`: `FoxgloveError`, where nothing can be offered to Foxglove
 - `jobs`: `UncheckedError`, of a spec; `CrowdedError`, where too much is wanted at once;
   `JudgeError`, `FullError`, `TooLargeError` and `UnwantedError`, of a recording that was sent

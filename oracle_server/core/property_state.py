@@ -111,7 +111,6 @@ class PropertyState(Counted):
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
         self._revisable = self.engine if isinstance(self.engine, Revisable) else None
         self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
-
         prop = self.property
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
 

@@ -24,12 +24,10 @@ from oracle_server.replay.passing import Filter
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
 from oracle_server.replay.sources import Item, Source, Topic
-from oracle_server.replay.storage import Channel, Missing, Storage
+from oracle_server.replay.storage import LATEST, Channel, Missing, Storage
 from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
-_LATEST = 2**63
-"""No time (ns) is as late."""
 _LARGEST = 2**30
 """The most bytes of one message that is decompressed."""
 
@@ -229,7 +227,7 @@ def _as_recorded(files: list[tuple[Path, Storage]]) -> list[tuple[Path, Storage]
 def _newest(storages: Sequence[Storage]) -> int:
     """When the last message of a bag was recorded, on whatever topic; 0 where that is not known."""
     newest = next((newest for storage in reversed(storages) if (newest := storage.newest)), 0)
-    return newest if newest < _LATEST else 0
+    return newest if newest <= LATEST else 0
 
 
 def _survey(source: _AnySource, time: int, raw: bytes) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bz2
 import heapq
+from abc import ABC, abstractmethod
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import lz4.frame
@@ -31,6 +32,40 @@ class Block(NamedTuple):
     chunk: bool = True
     how: str = ""
     size: int = 0
+
+
+class InBlocks(ABC):
+    """The messages of a file that has them in blocks, and between which times they were recorded."""
+
+    def __init__(self) -> None:
+        self._blocks: list[Block] = []
+        self._newest: int | None = None
+        """The time of the newest message that was read; None where none was."""
+
+    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
+        """The messages of these channels, by the time of recording."""
+        return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
+
+    @property
+    def oldest(self) -> int:
+        """The time of the first message, as the headings of the file's parts have it."""
+        return min((block.start for block in self._blocks if block.start), default=0)
+
+    @property
+    def newest(self) -> int:
+        """The time of the last message that can be read; the file is read, unless its messages were."""
+        if self._newest is None:
+            for _ in self.messages(()):
+                pass
+        return self._newest or 0
+
+    def _heard(self, time: int) -> None:
+        """Note the time of a message that was read, whatever its channel."""
+        self._newest = max(self._newest or 0, time)
+
+    @abstractmethod
+    def _in_block(self, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:
+        """The messages of these channels in a block, None for all; each that is there is noted."""
 
 
 def in_order(blocks: Sequence[Block], read: Callable[[Block], list[Message]]) -> Iterator[Message]:

@@ -27,7 +27,7 @@ _READ = frozenset({"ros1msg", "ros2msg", "ros2idl"})
 TypesByName = dict[str, Any]
 
 
-class DefinitionError(OracleError):
+class UnreadDefinitionError(OracleError):
     """A definition in a recording that can't be read."""
 
 
@@ -41,7 +41,7 @@ def types_of(channel: Channel, known: Typestore, given: TypesByName | None = Non
     name = type_name(channel.type)
     try:
         own = _defined(channel) if given is None else given
-    except DefinitionError as error:
+    except UnreadDefinitionError as error:
         if not is_given(known, name):
             raise TraceError(f"{channel.topic}: {error}; give the folder of its package with --types") from None
         own = {}
@@ -79,7 +79,7 @@ def event_parts(name: str) -> tuple[str, str]:
 def _defined(channel: Channel) -> TypesByName:
     """The types that a channel defines; none where its definition is of a kind that is not read.
 
-    Raises `DefinitionError` where it is of one that is, and can't be.
+    Raises `UnreadDefinitionError` where it is of one that is, and can't be.
     """
     text = lines_of(channel)
     try:
@@ -100,7 +100,7 @@ def _defined(channel: Channel) -> TypesByName:
         if channel.encoding not in _READ:
             return {}
         reason = one_line(str(error).strip()) or type(error).__name__
-        raise DefinitionError(f"the recording's definition of {channel.type} can't be read: {reason}") from None
+        raise UnreadDefinitionError(f"the recording's definition of {channel.type} can't be read: {reason}") from None
 
 
 def lines_of(channel: Channel) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.blocks import Block, decompress, in_order
+from oracle_server.replay.blocks import Block, InBlocks, decompress
 from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -21,19 +21,18 @@ _CHUNK_HEAD = struct.Struct("<QQQI")
 _STATISTICS_HEAD = struct.Struct("<QHIIIIQQ")
 _RUN = 2**20
 """The most bytes of records outside chunks that are read at once."""
-_UNREAD = -1
-"""The time of the newest message where none was read yet."""
 _NO_TIME = 2**64 - 1
 """Of a record that has none: it is later than any."""
 _LARGEST_NOTE = 2**26
 """The most bytes of a schema, a channel or the statistics."""
 
 
-class McapFile:
+class McapFile(InBlocks):
     """The channels and messages of an MCAP file."""
 
     def __init__(self, path: Path) -> None:
         """Find the chunks, channels and schemas. Raises `TraceError` where it is no MCAP file, and OSError."""
+        super().__init__()
         self.path = path
         self.profile = ""
         self.damages: list[str] = []
@@ -41,8 +40,6 @@ class McapFile:
         self._channels: dict[int, Channel] = {}
         self._schema_of: dict[int, int] = {}
         self._counts: dict[int, int] | None = None
-        self._blocks: list[Block] = []
-        self._newest = _UNREAD
         self._file: BinaryIO = path.open("rb")
         try:
             self._scan(path.stat().st_size)
@@ -60,23 +57,6 @@ class McapFile:
             promised = None if counts is None else counts.get(channel.id, 0)
             found.append(channel._replace(type=name, definition=text, encoding=encoding, promised=promised))
         return found
-
-    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
-        """The messages of these channels, by the time of recording."""
-        return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
-
-    @property
-    def oldest(self) -> int:
-        """The time of the first message, as the headings of the file's parts have it."""
-        return min((block.start for block in self._blocks if block.start), default=0)
-
-    @property
-    def newest(self) -> int:
-        """The time of the last message that can be read; the file is read, unless its messages were."""
-        if self._newest == _UNREAD:
-            for _ in self.messages(()):
-                pass
-        return max(self._newest, 0)
 
     def in_file_order(self) -> Iterator[Message]:
         """All messages, as they stand in the file."""
@@ -187,7 +167,7 @@ class McapFile:
                 if time > LATEST:
                     self._damaged(block, f"has a message of channel {channel} at {time} ns, which is no time")
                 else:
-                    self._newest = max(self._newest, time)
+                    self._heard(time)
                     if wanted is None or channel in wanted:
                         yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
             elif kind in (_SCHEMA, _CHANNEL):

@@ -9,28 +9,25 @@ from pathlib import Path
 from typing import BinaryIO
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.blocks import Block, decompress, in_order
+from oracle_server.replay.blocks import Block, InBlocks, decompress
 from oracle_server.replay.storage import Channel, DamagedError, Message
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _LARGEST_HEAD = 2**26
-_UNREAD = -1
-"""The time of the newest message where none was read yet."""
 _Fields = dict[bytes, bytes]
 
 
-class Ros1File:
+class Ros1File(InBlocks):
     """The channels and messages of a ROS 1 bag."""
 
     def __init__(self, path: Path) -> None:
         """Find the chunks and channels. Raises `TraceError` where it is no ROS 1 bag, and OSError."""
+        super().__init__()
         self.path = path
         self.damages: list[str] = []
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
-        self._blocks: list[Block] = []
-        self._newest = _UNREAD
         self._ended_early = False
         self._indexed = 0
         self._file: BinaryIO = path.open("rb")
@@ -44,23 +41,6 @@ class Ros1File:
     def channels(self) -> list[Channel]:
         """The channels."""
         return [c._replace(promised=self._counts[c.id]) for c in self._channels.values()]
-
-    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
-        """The messages of these channels, by the time of recording."""
-        return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
-
-    @property
-    def oldest(self) -> int:
-        """The time of the first message, as the headings of the file's parts have it."""
-        return min((block.start for block in self._blocks if block.start), default=0)
-
-    @property
-    def newest(self) -> int:
-        """The time of the last message that can be read; the file is read, unless its messages were."""
-        if self._newest == _UNREAD:
-            for _ in self.messages(()):
-                pass
-        return max(self._newest, 0)
 
     def close(self) -> None:
         """Close the file."""
@@ -152,7 +132,7 @@ class Ros1File:
                 asked, stamp = wanted is None or number in wanted, fields.get(b"time", b"")
                 if kind == _MESSAGE and (asked or len(stamp) == 8):  # what nobody asked for does no harm
                     time = _nanoseconds(*struct.unpack("<II", stamp))
-                    self._newest = max(self._newest, time)
+                    self._heard(time)
                     if asked:
                         yield number, time, data[end - length : end]
                 elif kind == _CONNECTION:

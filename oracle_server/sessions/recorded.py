@@ -83,9 +83,9 @@ class RecordedSession:
         state |= end_of(now, because) | {"continued_by": None, "clock_went_back": False}
         if not complete:
             state["trouble"] = f"incomplete: {because}"
-        committed = asyncio.get_running_loop().create_future()
-        self._history.close_session(self.record.number, now, state, partial(_set, committed))
-        await committed
+        closed = asyncio.get_running_loop().create_future()
+        self._history.close_session(self.record.number, now, state, partial(_set, closed))
+        await closed
 
     def end(self) -> None:
         """Tell those who wait that it is closed."""
@@ -123,6 +123,6 @@ async def _by_rows(history: History, record: SessionRecord, told: Document) -> D
         return {}
 
 
-def _set(committed: asyncio.Future[None]) -> None:
-    if not committed.done():
-        committed.set_result(None)
+def _set(closed: asyncio.Future[None]) -> None:
+    if not closed.done():
+        closed.set_result(None)
