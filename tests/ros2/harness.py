@@ -87,6 +87,7 @@ class Scene:
     def __init__(self, folder: Path, specs: Path = ROOT / "specs") -> None:
         self._folder, self._specs = folder, specs
         self._processes: list[Process] = []
+        self._peers = ExitStack()
 
     def __enter__(self) -> Self:
         self._folder.mkdir(exist_ok=True)
@@ -98,7 +99,8 @@ class Scene:
         return self
 
     def __exit__(self, failure: object, *_: object) -> None:
-        self._stack.close()
+        with self._stack:  # the peers first: Fast DDS may crash a participant that ends just when others were killed
+            self._peers.close()
         if failure:
             for process in (self.server.process, *self._processes):
                 print(f"== {process.name} said:\n{process.log}")
@@ -125,7 +127,7 @@ class Scene:
 
     def peer(self) -> Peer:
         peer = Peer(self.domain)
-        self._stack.callback(peer.close)
+        self._peers.callback(peer.close)
         return peer
 
     @staticmethod
