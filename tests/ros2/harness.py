@@ -37,10 +37,10 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 class Peer:
     """A node of this process; it is spun while a test waits, by `until`."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, name: str = "peer") -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node("peer", context=self.context)
+        self.node = rclpy.create_node(name, context=self.context)
         self._executor = executors.SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self.made: list[Any] = []
@@ -125,8 +125,8 @@ class Scene:
         words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={as_yaml(value)}")]
         return self.run(module, sys.executable, "-m", f"{package}.{module}", "--ros-args", *words)
 
-    def peer(self) -> Peer:
-        peer = Peer(self.domain)
+    def peer(self, name: str = "peer") -> Peer:
+        peer = Peer(self.domain, name)
         self._peers.callback(peer.close)
         return peer
 

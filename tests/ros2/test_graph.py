@@ -45,3 +45,12 @@ def test_the_example_s_graph_foretells_its_deadlock(tmp_path: Path) -> None:
     assert ended.returncode == 1
     assert "deadlock: /SetLED -> /battery_status -> /SetLED" in ended.stderr
     assert "by /battery_supervisor" in ended.stderr
+
+
+def test_a_dump_of_nodes_that_share_a_name_says_that_it_lacks_some(tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        peer, _ = scene.peer(), scene.peer()
+        peer.until(lambda: peer.node.get_node_names().count("peer") == 2, "the other one is not discovered")
+        dump = scene.run("dump", sys.executable, "-m", "oracle_ros2", "--dump-graph")
+        dump.said("several nodes are named /peer: the graph has only what one of them publishes")
+        dump.ends_well()

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from oracle_ros2.codec import CodecError
-from oracle_ros2.graph import dump_graph
+from oracle_ros2.graph import doubled, dump_graph
 from oracle_ros2.loop import Loop
 from oracle_ros2.monitor import Monitor
 from oracle_ros2.screen import Screen
@@ -69,6 +69,11 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
 def _dump_graph() -> int:
     node = Node("oracle_graph", start_parameter_services=False)
     sys.stdout.write(json.dumps(dump_graph(node), indent=2) + "\n")
+    for name in doubled(node):
+        node.get_logger().warning(
+            f"several nodes are named {name}: the graph has only what one of them publishes, subscribes, serves and "
+            "calls; give each a name of its own, by --ros-args -r __node:=NAME"
+        )
     node.destroy_node()
     return 0
 

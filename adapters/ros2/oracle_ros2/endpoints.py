@@ -207,16 +207,18 @@ class MatchedPublisher:
     def _find_troubles(self) -> Iterator[str]:
         own, others = [], []
         for info in self._node.get_publishers_info_by_topic(self._topic):
-            (own if self._is_own(info) else others).append(info)
-        self.bypass = "; ".join(f"{full_name(info)} publishes {self._topic} past the monitor" for info in others)
+            (own if self._has_own_name(info) else others).append(info)
+        past = [full_name(info) for info in others]
+        past += [f"another node named {full_name(info)}" for info in own[1:]]  # one is made here, the rest is not
+        self.bypass = "; ".join(f"{other} publishes {self._topic} past the monitor" for other in past)
         if self.bypass:
             yield self.bypass
         for info in self._node.get_subscriptions_info_by_topic(self._topic):
-            why = misfit(own[0].qos_profile, info.qos_profile) if own else ""
-            if why:
-                yield f"{full_name(info)} can't receive {self._topic}: {why}"
+            reasons = [misfit(one.qos_profile, info.qos_profile) for one in own]
+            if reasons and all(reasons):
+                yield f"{full_name(info)} can't receive {self._topic}: {reasons[0]}"
 
-    def _is_own(self, info: Any) -> bool:
+    def _has_own_name(self, info: Any) -> bool:
         mine = (self._node.get_name(), self._node.get_namespace())
         return (info.node_name, info.node_namespace) == mine
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, Callable, Iterator
+from collections import Counter
+from typing import TYPE_CHECKING, Any, Callable
 
 from rclpy.executors import SingleThreadedExecutor
 
@@ -44,21 +45,26 @@ def past_proxy(node: Node, service: str, proxy: str) -> str:
 
     That a node has a client is on the graph, and not whether it calls.
     """
-    troubles = []
-    if node.count_clients(service) > 1:  # one is the node's own; only then all others are asked
-        read = node.get_client_names_and_types_by_node
-        troubles += [f"{other} can call {service} past the monitor" for other in _users(node, read, service)]
-    if node.count_services(proxy) > 1:
-        read = node.get_service_names_and_types_by_node
-        troubles += [f"{other} serves {proxy} beside the monitor" for other in _users(node, read, proxy)]
+    callers = _besides(node, node.count_clients(service), node.get_client_names_and_types_by_node, service)
+    servers = _besides(node, node.count_services(proxy), node.get_service_names_and_types_by_node, proxy)
+    troubles = [f"{other} can call {service} past the monitor" for other in callers]
+    troubles += [f"{other} serves {proxy} beside the monitor" for other in servers]
     return "; ".join(troubles)
 
 
-def _users(node: Node, read: Named, wanted: str) -> Iterator[str]:
-    """The other nodes that have what is wanted, according to `read`."""
-    for name, space in _others(node):
-        if wanted in dict(_read(read, name, space)):
-            yield _full(name, space)
+def doubled(node: Node) -> list[str]:
+    """The names that several nodes have, `node` among them: what is asked by a name is told of one of them."""
+    counts = Counter(node.get_node_names_and_namespaces())
+    return sorted(_full(*named) for named, count in counts.items() if count > 1)
+
+
+def _besides(node: Node, count: int, read: Named, wanted: str) -> list[str]:
+    """The others that have what is wanted, of which there are `count` and one is the node's own."""
+    if count <= 1:  # the usual case, in which nobody is asked
+        return []
+    found = [_full(name, space) for name, space in _others(node) if wanted in dict(_read(read, name, space))]
+    names = " or ".join(doubled(node))
+    return found or [f"another node named {names}" if names else "a node of unknown name"]
 
 
 def _look(node: Node) -> dict[str, Any]:

@@ -1,0 +1,83 @@
+"""Who gets past the monitor on real ROS 2, where several nodes have one name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ros2.harness import Peer, Scene, eventually
+
+endpoints = pytest.importorskip("oracle_ros2.endpoints")
+graph = pytest.importorskip("oracle_ros2.graph")
+rclpy_qos = pytest.importorskip("rclpy.qos")
+msg = pytest.importorskip("std_msgs.msg")
+srv = pytest.importorskip("std_srvs.srv")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[Scene]:
+    with Scene(tmp_path) as scene:
+        yield scene
+
+
+def test_what_a_node_of_the_monitor_s_own_name_publishes_is_past_the_monitor(scene: Scene) -> None:
+    monitor, twin = scene.peer("monitor"), scene.peer("monitor")
+    forwarded = endpoints.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
+    eventually(lambda: forwarded.look([]), lambda trouble: trouble == "")
+    past = twin.node.create_publisher(msg.Int64, "/cmd", 10)
+    text = "another node named /monitor publishes /cmd past the monitor"
+    eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
+    assert forwarded.bypass == text
+    twin.node.destroy_publisher(past)
+    eventually(lambda: (forwarded.look([]), forwarded.bypass), lambda found: found == ("", ""))
+    forwarded.stop()
+
+
+def test_a_publisher_in_another_s_place_is_the_monitor_s_own(scene: Scene) -> None:
+    monitor = scene.peer()
+    forwarded = endpoints.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
+    effort = rclpy_qos.QoSProfile(depth=1, reliability=rclpy_qos.ReliabilityPolicy.BEST_EFFORT)
+    told = []
+
+    def offered() -> Any:
+        told.append(forwarded.look([effort]))
+        return [info.qos_profile.reliability for info in monitor.node.get_publishers_info_by_topic("/cmd")]
+
+    eventually(offered, lambda found: found == [rclpy_qos.ReliabilityPolicy.BEST_EFFORT])
+    assert {*told, forwarded.look([effort])} == {""}
+    forwarded.stop()
+
+
+def calls(monitor: Peer) -> str:
+    return str(graph.past_proxy(monitor.node, "/led", "/led_mon"))
+
+
+@pytest.mark.parametrize(
+    ("name", "doubled"), [("monitor", "/monitor"), ("pilot", "/pilot")], ids=["the monitor's", "another's"]
+)
+def test_who_calls_past_the_monitor_is_told_where_its_name_is_another_s_too(
+    name: str, doubled: str, scene: Scene
+) -> None:
+    monitor = scene.peer("monitor")
+    monitor.node.create_client(srv.Trigger, "/led")
+    monitor.node.create_service(srv.Trigger, "/led_mon", lambda _, response: response)
+    if name != "monitor":
+        scene.peer(name)
+        monitor.until(lambda: (name, "/") in monitor.node.get_node_names_and_namespaces(), "it is not discovered")
+    assert calls(monitor) == ""
+    twin = scene.peer(name)
+    client = twin.node.create_client(srv.Trigger, "/led")
+    text = f"another node named {doubled} can call /led past the monitor"
+    eventually(lambda: calls(monitor), lambda trouble: trouble == text)
+    twin.node.destroy_client(client)
+    twin.node.create_service(srv.Trigger, "/led_mon", lambda _, response: response)
+    text = f"another node named {doubled} serves /led_mon beside the monitor"
+    eventually(lambda: calls(monitor), lambda trouble: trouble == text)
