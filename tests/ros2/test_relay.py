@@ -59,3 +59,12 @@ def test_a_call_waits_longer_for_a_service_that_was_never_there(peer: Peer, monk
     assert not given_up(1.9)
     assert given_up(2.1)
     made.destroy()
+
+
+def test_a_relay_in_another_s_place_numbers_its_calls_otherwise(peer: Peer) -> None:
+    numbers = []
+    for _ in range(2):
+        made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", lambda call: numbers.append(call.number), print)
+        made._serve(srv.Trigger.Request(), lambda response: None)
+        made.destroy()
+    assert len(set(numbers)) == 2

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import threading
 from collections import Counter, OrderedDict
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
 import rospy
 from oracle_adapter import Stamp
+from oracle_adapter.calls import call_numbers
 from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionmessages import ActionStream, ActionTypes, text_of
@@ -39,7 +39,7 @@ class ActionEvents:
         self.name = action.name
         made = [ActionStream(shared, stream, self.types, proxied=proxied) for stream in described]
         self.streams: Dict[str, ActionStream] = {stream.kind: stream for stream in made}
-        self.numbers = itertools.count(1)
+        self.numbers = call_numbers()
         """Number what clients ask for, in the order in which it comes."""
         self._link = shared.link
         self._replying = threading.Lock()  # guards what follows

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any, Optional
 
 import rospy
 from oracle_adapter import TimeSource
+from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
@@ -33,7 +33,7 @@ class ProxiedService:
         self.streams = [self._request, self._response]
         self.bypass = ""
         """Why calls did not reach the proxy at the last look."""
-        self._calls = itertools.count(1)
+        self._calls = call_numbers()
         self._stopped = False
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
         self._service = rospy.Service(self._proxy, self._type, self._serve)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING, Any, Callable, Mapping
 
 from action_msgs.msg import GoalInfo, GoalStatusArray
 from action_msgs.srv import CancelGoal
+from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
 from rclpy.serialization import deserialize_message
 from service_msgs.msg import ServiceEventInfo
@@ -64,7 +64,7 @@ class ServiceEvents:
     ) -> None:  # fmt: skip
         self._type, self._service = service_type.Event, service
         self._on_request, self._on_response = on_request, on_response
-        self._numbers, self._calls = Numbers(), itertools.count(1)
+        self._numbers, self._calls = Numbers(), call_numbers()
         self._open: dict[tuple[bytes, int], tuple[int, Goal]] = {}
         self.count = 0
         """How many messages have come."""

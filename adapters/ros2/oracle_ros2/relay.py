@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable
 
+from oracle_adapter.calls import call_numbers
 from rclpy.qos import QoSProfile
 
 from oracle_ros2.loop import Later
@@ -48,7 +48,7 @@ class Relay:
         `discovery`: seconds for the service to be discovered at first; once it was, it has `DISCOVERY` to come back.
         """
         self._node, self._on_request, self._on_response = node, on_request, on_response
-        self._calls = itertools.count(1)
+        self._calls = call_numbers()
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, Call] = {}  # without an answer
         self._early: deque[Call] = deque()  # that wait for the service to be discovered
