@@ -10,8 +10,8 @@ import pytest
 
 from tests.ros2.harness import Peer, Scene, eventually
 
-endpoints = pytest.importorskip("oracle_ros2.endpoints")
 graph = pytest.importorskip("oracle_ros2.graph")
+republished = pytest.importorskip("oracle_ros2.republished")
 rclpy_qos = pytest.importorskip("rclpy.qos")
 msg = pytest.importorskip("std_msgs.msg")
 srv = pytest.importorskip("std_srvs.srv")
@@ -30,7 +30,7 @@ def scene(tmp_path: Path) -> Iterator[Scene]:
 
 def test_what_a_node_of_the_monitor_s_own_name_publishes_is_past_the_monitor(scene: Scene) -> None:
     monitor, twin = scene.peer("monitor"), scene.peer("monitor")
-    forwarded = endpoints.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
+    forwarded = republished.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
     eventually(lambda: forwarded.look([]), lambda trouble: trouble == "")
     past = twin.node.create_publisher(msg.Int64, "/cmd", 10)
     text = "another node named /monitor publishes /cmd past the monitor"
@@ -43,7 +43,7 @@ def test_what_a_node_of_the_monitor_s_own_name_publishes_is_past_the_monitor(sce
 
 def test_a_publisher_in_another_s_place_is_the_monitor_s_own(scene: Scene) -> None:
     monitor = scene.peer()
-    forwarded = endpoints.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
+    forwarded = republished.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
     effort = rclpy_qos.QoSProfile(depth=1, reliability=rclpy_qos.ReliabilityPolicy.BEST_EFFORT)
     told = []
 

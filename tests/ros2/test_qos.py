@@ -15,6 +15,7 @@ rclpy_qos = pytest.importorskip("rclpy.qos")
 serialization = pytest.importorskip("rclpy.serialization")
 qos = pytest.importorskip("oracle_ros2.qos")
 endpoints = pytest.importorskip("oracle_ros2.endpoints")
+republished = pytest.importorskip("oracle_ros2.republished")
 msg = pytest.importorskip("std_msgs.msg")
 duration = pytest.importorskip("rclpy.duration")
 
@@ -154,7 +155,7 @@ def test_a_subscription_goes_once_the_one_in_its_place_has_had_time_however_soon
 def test_a_held_message_that_can_not_be_published_does_not_hold_up_those_behind_it(scene: Scene) -> None:
     peer = scene.peer()
     received = peer.record(msg.Int64, "/here", profile(durability=LASTING))
-    forwarded = endpoints.MatchedPublisher(peer.node, msg.Int64, "/here")
+    forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/here")
     offered = [profile(durability=LASTING)]
     forwarded.match(offered)  # from now on messages are held
     for message in (object(), msg.Int64(data=1)):

@@ -1,26 +1,24 @@
-"""Subscriptions and publishers that match those of the other nodes, and report which don't match.
+"""Subscriptions that match the publishers of the other nodes, and report which don't match.
 
 One that matches better is used beside the old one until it is discovered: no message must be lost meanwhile.
 """
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import SubscriptionEventCallbacks
 
 from oracle_ros2.numbering import is_numbered
-from oracle_ros2.qos import DEPTH, lasts, misfit, same, to_offer, to_request
+from oracle_ros2.qos import DEPTH, same, to_request
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
 # What does not match is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
-NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 Take = Callable[[bytes, Mapping[str, Any]], None]
@@ -130,97 +128,6 @@ class MatchedSubscription:
             self._type, self._topic, callback, profile, event_callbacks=NO_SUBSCRIPTION_EVENTS, raw=True
         )
         self._subscriptions.append(subscription)
-
-
-class MatchedPublisher:
-    """Publishes what is passed on, with the quality of service of the messages' own publishers.
-
-    Where these begin to keep messages for those who come later, what passes waits until it is offered so: else those
-    who request what is kept would not get it, and what is published once would be lost.
-    """
-
-    def __init__(self, node: Node, message_type: Any, topic: str, offered: Sequence[QoSProfile] = ()) -> None:
-        """Offer what `offered` would have it until `look` is given what the originals offer."""
-        self._node, self._type, self._topic = node, message_type, topic
-        self.bypass = ""
-        """Who else publishes the topic, as of the last look; empty where nobody does."""
-        self._giving = threading.Lock()
-        self._publisher = self._next = self._make(to_offer(offered))
-        self._retired: Any = None
-        self._changed = 0.0  # when the next one was made, or took over (s)
-        self._held: list[Any] | None = None  # what waits for the next one
-
-    def publish(self, message: Any) -> bool:
-        """Pass a message on, from any thread; False after `stop`."""
-        with self._giving:
-            if self._held is not None:
-                self._held.append(message)
-            elif self._publisher is not None:
-                self._publisher.publish(message)
-            return self._publisher is not None
-
-    def stop(self) -> None:
-        """Pass nothing on any more."""
-        with self._giving:
-            self._release()
-            for publisher in {self._publisher, self._next, self._retired} - {None}:
-                self._node.destroy_publisher(publisher)
-            self._publisher = self._next = self._retired = None
-
-    def look(self, originals: Sequence[QoSProfile]) -> str:
-        """Offer what the originals do, and return what is wrong on the topic."""
-        if time.monotonic() - self._changed < MATCHING:
-            return ""
-        if self._retired is not None:
-            self._node.destroy_publisher(self._retired)
-            self._retired = None
-        if self._next is not self._publisher:
-            with self._giving:
-                self._retired, self._publisher = self._publisher, self._next
-                self._changed = time.monotonic()
-                self._release()
-        self.match(originals)
-        return "" if self._retired or self._next is not self._publisher else "; ".join(self._find_troubles())
-
-    def match(self, originals: Sequence[QoSProfile]) -> None:
-        """Begin to offer what the originals do, unless that is going on."""
-        wanted = to_offer(originals)
-        if self._next is not self._publisher or not originals or same(wanted, self._next.qos_profile):
-            return
-        with self._giving:
-            if all(lasts(profile) for profile in originals) and not lasts(self._next.qos_profile):
-                self._held = []
-            self._next, self._changed = self._make(wanted), time.monotonic()
-
-    def _release(self) -> None:
-        """Pass on what was held, by the next one."""
-        held, self._held = self._held or [], None
-        for message in held:
-            try:
-                self._next.publish(message)
-            except Exception as error:  # noqa: BLE001 - others wait behind it
-                self._node.get_logger().error(f"a message of {self._topic} could not be passed on: {error!r}")
-
-    def _make(self, profile: QoSProfile) -> Any:
-        return self._node.create_publisher(self._type, self._topic, profile, event_callbacks=NO_EVENTS)
-
-    def _find_troubles(self) -> Iterator[str]:
-        own, others = [], []
-        for info in self._node.get_publishers_info_by_topic(self._topic):
-            (own if self._has_own_name(info) else others).append(info)
-        past = [full_name(info) for info in others]
-        past += [f"another node named {full_name(info)}" for info in own[1:]]  # one is made here, the rest is not
-        self.bypass = "; ".join(f"{other} publishes {self._topic} past the monitor" for other in past)
-        if self.bypass:
-            yield self.bypass
-        for info in self._node.get_subscriptions_info_by_topic(self._topic):
-            reasons = [misfit(one.qos_profile, info.qos_profile) for one in own]
-            if reasons and all(reasons):
-                yield f"{full_name(info)} can't receive {self._topic}: {reasons[0]}"
-
-    def _has_own_name(self, info: Any) -> bool:
-        mine = (self._node.get_name(), self._node.get_namespace())
-        return (info.node_name, info.node_namespace) == mine
 
 
 def type_name(message_type: Any) -> str:

@@ -12,8 +12,9 @@ from oracle_adapter.interfaces import is_filtered
 from oracle_adapter.pacing import Pacer
 from oracle_adapter.passing import Passing
 
-from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
+from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.numbering import Numbers, source_of
+from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.topics import Observed, unreadable
 
 if TYPE_CHECKING:

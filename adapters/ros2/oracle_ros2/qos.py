@@ -27,13 +27,13 @@ def to_request(offered: Sequence[QoSProfile]) -> QoSProfile:
 def to_offer(offered: Sequence[QoSProfile]) -> QoSProfile:
     """What the publishers offer, for their messages to be passed on with; of several, the most that one offers.
 
-    How many messages a publisher keeps is not on the graph: of those that last, one is kept for each of them.
+    How many messages a publisher keeps is not on the graph: of one that keeps some, one is kept.
     """
     reliable = not offered or any(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
-    lasting = sum(lasts(profile) for profile in offered)
+    lasting = any(lasts(profile) for profile in offered)
     times = [_times(profile) for profile in offered]
     common = times[0] if times and all(other == times[0] for other in times) else {}
-    return _profile(lasting or DEPTH, reliable=reliable, lasting=bool(lasting), **common)
+    return _profile(1 if lasting else DEPTH, reliable=reliable, lasting=lasting, **common)
 
 
 def lasts(profile: QoSProfile) -> bool:

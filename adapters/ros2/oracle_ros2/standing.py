@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Mapping, NamedTuple
 from action_msgs.msg import GoalStatusArray
 from rclpy.qos import qos_profile_action_status_default
 
-from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
+from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.numbering import Numbers, source_of
+from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.stamps import simulated, time_of
 from oracle_ros2.statuses import FINAL, Statuses, Transitions, changed, read, word
 

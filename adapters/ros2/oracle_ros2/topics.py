@@ -11,8 +11,9 @@ from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import lacking, load_type, reader
-from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
+from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.numbering import Numbers, source_of
+from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
@@ -147,7 +148,8 @@ class FilteredTopic:
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         self._publisher = MatchedPublisher(node, self.observed.type, target)
-        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._publisher.publish)
+        passing = Passing(shared.link, shared.board, stream, shared.clocks)
+        self._queue = ForwardQueue(passing, lambda said: self._publisher.publish(*said))
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
 
     @property
@@ -166,7 +168,8 @@ class FilteredTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        found = self.subscription.look(), self._publisher.look(self.subscription.offered)
+        heard = self.subscription
+        found = heard.look(), self._publisher.look(heard.offered, heard.sources)
         troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
@@ -178,13 +181,13 @@ class FilteredTopic:
     def _match(self) -> None:
         """Do not wait for the next look: a new publisher may publish only once."""
         self.subscription.look_around()
-        self._publisher.match(self.subscription.offered)
+        self._publisher.match(self.subscription.offered, self.subscription.sources)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
-            self._queue.take(message, stamp, data, **more)
+            self._queue.take((message, more["source"]), stamp, data, **more)
 
 
 def unreadable(topic: LoggedTopic | FilteredTopic) -> Iterator[str]:

@@ -1,0 +1,176 @@
+"""Publishers of what is passed on, that match the messages' own publishers, and report who is past them or lacks them.
+
+Ones that match better are used in place of the old ones once they are discovered: no message must be lost meanwhile.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any, Iterator, Sequence
+
+from rclpy.event_handler import PublisherEventCallbacks
+
+from oracle_ros2.endpoints import MATCHING, full_name
+from oracle_ros2.qos import lasts, misfit, same, to_offer
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+
+
+class MatchedPublisher:
+    """Publishes what is passed on, with the quality of service of the messages' own publishers.
+
+    Each of these that keeps its last message for those who come later has a publisher here, which keeps that. Where
+    there are to be more of them, or they are to offer something else, what passes waits until they are discovered: else
+    what is published once would be lost to some.
+    """
+
+    def __init__(self, node: Node, message_type: Any, topic: str, offered: Sequence[QoSProfile] = ()) -> None:
+        """Offer what `offered` would have it until `look` is given what the originals offer."""
+        self._node, self._type, self._topic = node, message_type, topic
+        self.bypass = ""
+        """Who else publishes the topic, as of the last look; empty where nobody does."""
+        self._giving = threading.Lock()
+        self._publishers = self._next = [self._make(to_offer(offered))]
+        self._users: dict[str, Any] = {}  # the publisher of each source
+        self._is_told = True  # the sources of messages, by the middleware
+        self._kept: dict[Any, deque[Any]] = {}  # what publishers keep that last
+        self._retired: list[Any] = []
+        self._changed = 0.0  # when the next ones were made, or took over (s)
+        self._held: list[tuple[Any, str]] | None = None  # what waits for the next ones
+
+    def publish(self, message: Any, source: str = "") -> bool:
+        """Pass a message of a source on, from any thread; False after `stop`."""
+        with self._giving:
+            if self._held is not None:
+                self._held.append((message, source))
+            elif self._publishers:
+                self._give(message, source)
+            return bool(self._publishers)
+
+    def stop(self) -> None:
+        """Pass nothing on any more."""
+        with self._giving:
+            made = {*self._publishers, *self._next, *self._retired}
+            self._take_over()
+            for publisher in made:
+                self._node.destroy_publisher(publisher)
+            self._publishers = self._next = self._retired = []
+
+    def look(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> str:
+        """Offer what the originals do, and return what is wrong on the topic."""
+        if time.monotonic() - self._changed < MATCHING:
+            return ""
+        while self._retired:
+            self._node.destroy_publisher(self._retired.pop())
+        if self._next is not self._publishers:
+            with self._giving:
+                self._retired = [one for one in self._publishers if one not in self._next]
+                self._changed = time.monotonic()
+                self._take_over()
+        self.match(originals, sources)
+        return "" if self._retired or self._next is not self._publishers else "; ".join(self._find_troubles())
+
+    def match(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> None:
+        """Begin to offer what the originals do, unless something else is begun.
+
+        `sources`: the publishers that are told apart; without them all are taken for one.
+        """
+        if not originals:
+            return
+        wanted, offered = to_offer(originals), self._next[0].qos_profile
+        changing = self._next is not self._publishers
+        count = max(1, len(sources)) if lasts(wanted) else 1
+        with self._giving:
+            if lasts(wanted) and not self._is_told:
+                wanted.depth, count = max(count, offered.depth if lasts(offered) else 1), 1
+            self._users = {one: of for one, of in self._users.items() if any(gid.startswith(one) for gid in sources)}
+            if changing and not same(wanted, offered):
+                return
+            if not same(wanted, offered):
+                if lasts(wanted) and (lasts(offered) or all(map(lasts, originals))):
+                    self._held = []
+                self._replace([self._make(wanted) for _ in range(count)])
+            elif count > len(self._next):
+                self._held = self._held or []
+                more = [self._make(wanted) for _ in range(count - len(self._next))]
+                self._next, self._changed = [*self._next, *more], time.monotonic()
+            elif not changing:
+                self._do_without(len(self._publishers) - count)
+
+    def _replace(self, made: list[Any]) -> None:
+        """Have publishers take over, and keep what the old ones kept."""
+        self._next, self._changed = made, time.monotonic()
+        places: dict[Any, Any] = {}
+        if lasts(made[0].qos_profile):
+            used = list(self._users.values())
+            old = sorted(self._kept, key=lambda one: one not in used)
+            places = dict(zip(old, made, strict=False))
+        self._users = {source: places[one] for source, one in self._users.items() if one in places}
+        self._kept = {new: self._kept[old] for old, new in places.items()}
+        for publisher, messages in self._kept.items():
+            for message in messages:
+                publisher.publish(message)
+
+    def _do_without(self, count: int) -> None:
+        """Destroy so many publishers, whose sources have ended."""
+        used = list(self._users.values())
+        for publisher in [one for one in self._publishers if one not in used][:count]:
+            self._kept.pop(publisher, None)
+            self._node.destroy_publisher(publisher)
+            self._publishers.remove(publisher)
+
+    def _take_over(self) -> None:
+        """Have the next ones publish, at first what was held."""
+        self._publishers = self._next
+        self._users = {source: one for source, one in self._users.items() if one in self._publishers}
+        self._kept = {one: messages for one, messages in self._kept.items() if one in self._publishers}
+        held, self._held = self._held or [], None
+        for message, source in held:
+            try:
+                self._give(message, source)
+            except Exception as error:  # noqa: BLE001 - others wait behind it
+                self._node.get_logger().error(f"a message of {self._topic} could not be passed on: {error!r}")
+
+    def _give(self, message: Any, source: str) -> None:
+        publisher = self._publisher_of(source)
+        publisher.publish(message)
+        profile = publisher.qos_profile
+        if lasts(profile):
+            self._kept.setdefault(publisher, deque(maxlen=profile.depth)).append(message)
+
+    def _publisher_of(self, source: str) -> Any:
+        if not source:
+            self._is_told = False
+            return self._publishers[0]
+        if source not in self._users:
+            used = list(self._users.values())
+            unused = (one for one in self._publishers if one not in used)
+            self._users[source] = next(unused, self._publishers[0])
+        return self._users[source]
+
+    def _make(self, profile: QoSProfile) -> Any:
+        return self._node.create_publisher(self._type, self._topic, profile, event_callbacks=NO_EVENTS)
+
+    def _find_troubles(self) -> Iterator[str]:
+        own, others = [], []
+        for info in self._node.get_publishers_info_by_topic(self._topic):
+            (own if self._has_own_name(info) else others).append(info)
+        past = [full_name(info) for info in others]
+        past += [f"another node named {full_name(info)}" for info in own[len(self._publishers) :]]  # others than these
+        self.bypass = "; ".join(f"{other} publishes {self._topic} past the monitor" for other in past)
+        if self.bypass:
+            yield self.bypass
+        for info in self._node.get_subscriptions_info_by_topic(self._topic):
+            reasons = [misfit(one.qos_profile, info.qos_profile) for one in own]
+            if reasons and all(reasons):
+                yield f"{full_name(info)} can't receive {self._topic}: {reasons[0]}"
+
+    def _has_own_name(self, info: Any) -> bool:
+        mine = (self._node.get_name(), self._node.get_namespace())
+        return (info.node_name, info.node_namespace) == mine

@@ -1,0 +1,116 @@
+"""What lasts and is forwarded on real ROS 2: who comes later hears the last message of each publisher."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.robot import spec_folder
+from tests.ros2.harness import Peer, Scene
+
+republished = pytest.importorskip("oracle_ros2.republished")
+rclpy_qos = pytest.importorskip("rclpy.qos")
+msg = pytest.importorskip("std_msgs.msg")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+SPEC = """
+id: maps
+description: Numbers pass, but for multiples of 7
+streams:
+  - topic: /map
+    type: std_msgs/msg/Int64
+    action: filter
+    intercept: publisher
+    decide_within: 60s
+    signals: {seven: msg.data % 7 == 0}
+properties:
+  - id: no_sevens
+    formula: 'not {topic: "/map", seven}'
+    guards: [/map]
+"""
+LASTING = rclpy_qos.DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def kept(depth: int) -> Any:
+    return rclpy_qos.QoSProfile(depth=depth, durability=LASTING)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[Scene]:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        scene.adapter("maps")
+        yield scene
+
+
+def publisher(peer: Peer) -> Callable[[int], None]:
+    """What publishes a number on a lasting topic, of which the last one is kept."""
+    made = peer.publisher(msg.Int64, "/map_mon", qos=kept(1))
+    return lambda number: made.publish(msg.Int64(data=number))
+
+
+def heard_late(peer: Peer, wanted: list[int]) -> None:
+    """Those who come now hear just that, in whatever order."""
+    heard = peer.record(msg.Int64, "/map", kept(100))
+    peer.until(lambda: len(heard) >= len(wanted), f"of {wanted} only {heard} is kept")
+    assert sorted(said.data for said in heard) == wanted
+
+
+def test_what_a_publisher_has_said_once_is_kept_when_others_come_speak_and_go(scene: Scene) -> None:
+    peer, other = scene.peer(), scene.peer("other")
+    early = peer.record(msg.Int64, "/map", kept(100))
+
+    def settled(count: int) -> None:
+        """Until so many publishers forward it."""
+        peer.until(lambda: peer.node.count_publishers("/map") == count, f"not {count} publishers forward it")
+
+    publisher(peer)(1)
+    peer.until(lambda: early, "it does not pass")
+    say = publisher(other)
+    settled(2)
+    heard_late(peer, [1])
+    for number in (2, 3):
+        say(number)
+    peer.until(lambda: len(early) == 3, "they do not pass")
+    heard_late(peer, [1, 3])
+    other.node.destroy_publisher(next(made for made in other.node.publishers if made.topic_name == "/map_mon"))
+    settled(1)
+    heard_late(peer, [1])
+    assert [said.data for said in early] == [1, 2, 3]
+
+
+def test_several_that_publish_at_once_as_they_come_are_all_kept(scene: Scene) -> None:
+    peer = scene.peer()
+    early = peer.record(msg.Int64, "/map", kept(100))
+    for number in (1, 2, 3):
+        publisher(scene.peer(f"source{number}"))(number)
+    peer.until(lambda: len(early) == 3, "they do not pass")
+    heard_late(peer, [1, 2, 3])
+
+
+def test_where_the_middleware_tells_of_no_publishers_as_many_messages_are_kept_as_there_are(tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        peer = scene.peer()
+        forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/map", [kept(1)])
+
+        def offer(count: int, sources: list[str]) -> None:
+            """Until as many messages are kept, for those sources."""
+
+            def offered() -> bool:
+                forwarded.look([kept(1)] * len(sources), sources)
+                return [made.qos_profile.depth for made in peer.node.publishers if made.topic_name == "/map"] == [count]
+
+            peer.until(offered, f"not {count} are kept")
+
+        forwarded.publish(msg.Int64(data=1))
+        offer(2, ["a", "b"])
+        forwarded.publish(msg.Int64(data=2))
+        offer(2, ["a"])
+        heard_late(peer, [1, 2])
+        forwarded.stop()
