@@ -12,6 +12,7 @@ from tests.ros2.harness import Peer, Scene, eventually
 
 graph = pytest.importorskip("oracle_ros2.graph")
 republished = pytest.importorskip("oracle_ros2.republished")
+rclpy = pytest.importorskip("rclpy")
 rclpy_qos = pytest.importorskip("rclpy.qos")
 msg = pytest.importorskip("std_msgs.msg")
 srv = pytest.importorskip("std_srvs.srv")
@@ -81,3 +82,16 @@ def test_who_calls_past_the_monitor_is_told_where_its_name_is_another_s_too(
     twin.node.create_service(srv.Trigger, "/led_mon", lambda _, response: response)
     text = f"another node named {doubled} serves /led_mon beside the monitor"
     eventually(lambda: calls(monitor), lambda trouble: trouble == text)
+
+
+def test_who_calls_past_the_monitor_is_told_where_ros_has_moved_the_service(scene: Scene) -> None:
+    monitor, pilot = scene.peer("monitor"), scene.peer("pilot")
+    moved = ["--ros-args", "-r", "/led:=/base/led", "-r", "/led_mon:=/base/led_mon"]
+    node = rclpy.create_node("moved", context=monitor.context, cli_args=moved)
+    node.create_client(srv.Trigger, "/led")
+    node.create_service(srv.Trigger, "/led_mon", lambda _, response: response)
+    pilot.node.create_client(srv.Trigger, "/base/led")
+    pilot.node.create_service(srv.Trigger, "/base/led_mon", lambda _, response: response)
+    text = "/pilot can call /base/led past the monitor; /pilot serves /base/led_mon beside the monitor"
+    eventually(lambda: graph.past_proxy(node, "/led", "/led_mon"), lambda trouble: trouble == text)
+    node.destroy_node()

@@ -45,6 +45,7 @@ def past_proxy(node: Node, service: str, proxy: str) -> str:
 
     That a node has a client is on the graph, and not whether it calls.
     """
+    service, proxy = node.resolve_service_name(service), node.resolve_service_name(proxy)  # counts take no remaps
     callers = _besides(node, node.count_clients(service), node.get_client_names_and_types_by_node, service)
     servers = _besides(node, node.count_services(proxy), node.get_service_names_and_types_by_node, proxy)
     troubles = [f"{other} can call {service} past the monitor" for other in callers]

@@ -166,7 +166,7 @@ class IntrospectedAction:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        served = self._node.count_publishers(self._status_topic) > 0
+        served = self._node.count_publishers(self._node.resolve_topic_name(self._status_topic)) > 0
         troubles = [trouble for events in self._events for trouble in events.look(served)]
         troubles += [side.lacking for side in self._sides.values()]
         if self._feedback is not None:
