@@ -69,6 +69,17 @@ def test_two_uavs_in_one_session_are_judged_each_by_its_own_and_by_the_others(tm
         second.ends_well()
 
 
+@pytest.mark.parametrize("monitor", ["7", "~/7.b"])
+def test_a_monitor_may_be_named_as_no_node_may(monitor: str, tmp_path: Path) -> None:
+    specs = tmp_path / "specs"
+    specs.mkdir()
+    (specs / "fleet.yaml").write_text(documented(), encoding="utf-8")
+    with Scene(tmp_path, specs) as scene:
+        adapter = scene.adapter("fleet", monitor=monitor)
+        assert [found["name"] for found in scene.server.session("s")["monitors"]] == [monitor]
+        adapter.ends_well()
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -10,7 +10,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Sequence
 
 import rclpy
-from oracle_adapter import Board, LinkError, Names, open_log
+from oracle_adapter import Board, LinkError, Names, graph_name, open_log
 from oracle_adapter.command import close, default, make_link, parser, wait_attached
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -79,7 +79,7 @@ def _dump_graph() -> int:
 
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
-    name = options.monitor.strip("/").replace("/", "_").replace("-", "_").replace(".", "_") or "monitor"
+    name = graph_name(options.monitor).strip("/").replace("/", "_")
     node = Node(name, start_parameter_services=False)  # seven services that every callback would pay for
     log = node.get_logger()
     board = Board(options.monitor, Screen(node, options.monitor))
