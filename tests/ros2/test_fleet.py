@@ -85,6 +85,8 @@ def test_a_monitor_may_be_named_as_no_node_may(monitor: str, tmp_path: Path) -> 
     [
         (["--remap", "/batery:=/uav1/battery"], "--remap /batery: fleet has no such stream"),
         (["--remap", "/battery"], "'/battery' is no remap like"),
+        (["--remap", "/takeoff:=/battery"], "--remap: /battery and /takeoff would both be /battery here"),
+        (["--remap", "/battery:=/rosout"], "/battery can't be observed as std_msgs/msg/Float64: "),
         (["--namespace", "uav 1"], "'uav 1' is no namespace like"),
     ],
 )
@@ -96,3 +98,4 @@ def test_a_remap_that_means_nothing_is_refused(words: list[str], told: str, tmp_
         with pytest.raises(AssertionError, match="did not say 'observing'") as failed:
             scene.adapter("fleet", more=words)
         assert told in str(failed.value)
+        assert "Traceback" not in str(failed.value)

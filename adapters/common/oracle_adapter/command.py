@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-from typing import TYPE_CHECKING, Any, Callable, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Tuple, Union
 
 from oracle_adapter.errors import LinkError
+from oracle_adapter.interfaces import interfaces_of
 from oracle_adapter.link import Link
 
 if TYPE_CHECKING:
@@ -134,7 +135,17 @@ def close(link: Link, warn: Callable[[str], None]) -> None:
             warn(f"the oracle has not confirmed the last {left} events: they may be lost")
 
 
-def unknown_remap(names: Names, attached: Attached) -> Optional[str]:
-    """A remapped name that is none of a stream or a proxy of the spec; None where there is none."""
+def check_names(names: Names, attached: Attached) -> None:
+    """Raise ValueError where the spec has no stream of a remapped name, or two are one here."""
     known = (n for s in attached.streams for n in (s["name"], s.get("proxy") or s["name"]))
-    return next(iter(names.unused(known)), None)
+    for unknown in names.unused(known):
+        raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
+    taken: Dict[Tuple[str, str], str] = {}
+    for interface in interfaces_of(attached.streams):
+        here = names[interface.name]
+        other = taken.setdefault((interface.type, here), interface.name)
+        if other != interface.name:
+            raise ValueError(
+                f"--remap: {other} and {interface.name} would both be {here} here; "
+                "give one of them another name"
+            )

@@ -8,7 +8,7 @@ from typing import List
 import rospy
 from oracle_adapter import Attached, Board, ClockStamp, Link, Names
 from oracle_adapter.clocks import Clocks
-from oracle_adapter.command import unknown_remap
+from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
@@ -28,11 +28,10 @@ class Monitor:
     def __init__(self, link: Link, board: Board, names: Names, attached: Attached, *, simulated: bool) -> None:
         """Observe the streams that the server named.
 
-        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't.
+        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't, or where two
+        have one name.
         """
-        unknown = unknown_remap(names, attached)
-        if unknown:
-            raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
+        check_names(names, attached)
         self._link, self._board, self._streams = link, board, attached.streams
         self._now = now = simulated_now if simulated else wall_now
         self._graph = Graph()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
 from oracle_adapter.clocks import Clocks
-from oracle_adapter.command import unknown_remap
+from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
 
@@ -30,11 +30,10 @@ class Monitor:
     def __init__(self, node: Node, link: Link, board: Board, names: Names, attached: Attached) -> None:
         """Observe the streams that the server named.
 
-        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't.
+        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't, two have one name, or
+        ROS does not let one be observed.
         """
-        unknown = unknown_remap(names, attached)
-        if unknown:
-            raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
+        check_names(names, attached)
         self._node, self._link, self._board = node, link, board
         self._attached, self._streams = attached, attached.streams
         streams = attached.streams

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Callable, Mapping, Protocol, Sequence
 
+from rclpy.exceptions import NameValidationException
+
 from oracle_ros2.actions import ProxiedAction
 from oracle_ros2.introspected import IntrospectedAction
 from oracle_ros2.services import ProxiedService
@@ -71,5 +73,12 @@ MAKERS: Mapping[tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]]
 
 
 def make_part(shared: Shared, interface: Interface) -> Part:
-    """Observe an interface from now on. Raises `CodecError` where its type is not there."""
-    return MAKERS[interface.type, interface.filtered](shared, interface)
+    """Observe an interface from now on.
+
+    Raises `CodecError` where its type is not there, ValueError where ROS does not let it be observed: this process may
+    have the topic as another type, as `/diagnostics` and `/rosout`, or the name is none.
+    """
+    try:
+        return MAKERS[interface.type, interface.filtered](shared, interface)
+    except (RuntimeError, NameValidationException) as error:  # rcl's errors are of the first class
+        raise ValueError(f"{interface.name} can't be observed as {interface.first['type']}: {error}") from error
