@@ -10,7 +10,7 @@ import re
 import threading
 import time
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, Tuple
 
 from oracle_adapter.decision import should_pass
 from oracle_adapter.episodes import SHOWN_AFTER, Recent, episode_text
@@ -145,6 +145,12 @@ class Board:
         else:
             self._screen.info(f"{subject}: recovered")
         return True
+
+    def keep(self, subjects: Iterable[str]) -> None:
+        """Forget what was wrong with all other streams, as they are not observed any more."""
+        kept = set(subjects)
+        with self._lock:
+            self._troubles = {name: text for name, text in self._troubles.items() if name in kept}
 
     def tick(self, stats: Stats) -> None:
         """Show diagnostics where they changed, else every second; call it ten times a second."""

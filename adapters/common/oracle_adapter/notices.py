@@ -23,6 +23,10 @@ class Attached:
     streams: Tuple[Mapping[str, Any], ...]
     limits: Mapping[str, Any]
 
+    def has(self, stream: str, kind: str) -> bool:
+        """Whether a stream is among those to observe."""
+        return any(one["name"] == stream and one["kind"] == kind for one in self.streams)
+
 
 @dataclass(frozen=True)
 class Answered:

@@ -141,7 +141,12 @@ class Protocol:
                 self._unavailable(event, "simulated time went back")
 
     def report(self, stream: str, kind: str, **facts: Any) -> bool:
-        """Report facts of a stream, on all connections; False where they were reported already."""
+        """Report facts of a stream, on all connections; False where they were reported already.
+
+        So it is where the session has no such stream any more.
+        """
+        if self.attached is not None and not self.attached.has(stream, kind):
+            return False
         key = stream, kind
         report = {**self._reports.get(key, {}), **facts}
         if self._reports.get(key) == report:
@@ -276,6 +281,7 @@ class Protocol:
         self._outbox.credit = None if self._detaching else limits.get("credit")
         self._outbox.marks.max_handlings = int(limits.get("max_outcomes") or 1)
         self.attached = attached
+        self._reports = {key: facts for key, facts in self._reports.items() if attached.has(*key)}
         self._unreported = set(self._reports)
         # To resume this session, or have it made again from its spec where the server has lost it.
         spec = self._hello.spec or attached.spec

@@ -39,6 +39,7 @@ class Monitor:
         shared = Shared(link, board, names, now, self._graph, self._clocks)
         self._parts = [make_part(shared, interface) for interface in interfaces_of(attached.streams)]
         self._clocks.follow(stream for part in self._parts for stream in part.streams)
+        board.keep(stream["name"] for stream in attached.streams)
         report_unknown(attached.streams, board, link)
         self._graph.start()
         self._turns = itertools.count()

@@ -46,6 +46,7 @@ class Monitor:
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
         observed = [stream for part in self._parts for stream in part.streams]
         clocks.follow(observed)
+        board.keep(stream["name"] for stream in streams)
         report_unknown(streams, board, link)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may be paused
         self._timers = [

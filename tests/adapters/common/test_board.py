@@ -168,6 +168,17 @@ def test_trouble_is_told_where_it_is_new_and_shown_until_it_is_over(
     assert "uav1: /b" not in statuses(screen)
 
 
+def test_what_was_wrong_with_a_stream_that_is_observed_no_more_is_shown_no_more(
+    screen: Screen, board: Board
+) -> None:
+    for name in ("/a", "/b"):
+        board.trouble(name, "nobody publishes it")
+    board.keep(["/b", "/c"])
+    board.tick(Stats())
+    assert [name for name in statuses(screen) if "/" in name] == ["uav1: /b"]
+    assert board.trouble("/a", "nobody publishes it")
+
+
 def test_numbers_are_those_of_one_session(screen: Screen, board: Board) -> None:
     board.on_state("attached", "s1")
     board.on_violation({"n": 12, "property": "near", "step": 40})

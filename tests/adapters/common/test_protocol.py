@@ -147,14 +147,25 @@ class TestDetaching:
 def test_what_is_said_of_streams_is_told_once_a_connection(side: Side) -> None:
     assert side.protocol.report("/a", "topic", time_source="field")
     assert side.frames() == []
-    side.attach()
+    both = [{"name": "/a", "kind": "topic"}, {"name": "/b", "kind": "topic"}]
+    side.attach(streams=both)
     first = {"stream": "/a", "kind": "topic", "time_source": "field"}
     assert side.frames() == [{"type": "report", "streams": [first]}]
     assert not side.protocol.report("/a", "topic", time_source="field")
     assert side.protocol.report("/b", "topic", trouble="bad")
     second = {"stream": "/b", "kind": "topic", "trouble": "bad"}
     assert side.frames() == [{"type": "report", "streams": [second]}]
-    side.reconnect(1)
+    side.reconnect(1, streams=both)
     assert side.protocol.report("/b", "topic", trouble="")
     assert side.frames() == [{"type": "report", "streams": [first, {**second, "trouble": ""}]}]
+    assert side.frames() == []
+
+
+def test_nothing_more_is_said_of_streams_that_the_session_has_no_more(side: Side) -> None:
+    for name in ("/a", "/b"):
+        side.protocol.report(name, "topic", trouble="bad")
+    said = {"stream": "/a", "kind": "topic", "trouble": "bad"}
+    side.attach(streams=[{"name": "/a", "kind": "topic"}, {"name": "/b", "kind": "response"}])
+    assert side.frames() == [{"type": "report", "streams": [said]}]
+    assert not side.protocol.report("/b", "topic", trouble="")
     assert side.frames() == []
