@@ -11,8 +11,8 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.session import Session
 from oracle_server.core.spec import StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome
-from tests.core.owing import about, opened, records
-from tests.core.sessions import A, B, Feed, prop
+from tests.core.owing import about, native, opened, records
+from tests.core.sessions import A, B, Feed, open_session, prop
 
 
 def test_a_guard_denies_what_breaks_it() -> None:
@@ -77,6 +77,54 @@ def test_what_breaks_it_without_the_event_too_is_to_blame_as_ever(blame: Any, ch
     assert chosen(judged) == [choice]
 
 
+@pytest.mark.parametrize("restarted", [False, True])
+@pytest.mark.parametrize(
+    ("bound", "denied"),
+    [(":200ns", [1260, 1360, 1400, 1401]), ("100ns:200ns", [1360, 1400, 1401]), ("180ns:200ns", [1400, 1401])],
+)
+def test_what_an_event_asks_for_that_is_older_than_a_tick_before_it_counts_from_the_ticks_time_on(
+    bound: str, denied: list[int], restarted: bool
+) -> None:
+    def made() -> Session:
+        streams = [StreamSpec("/a", action="filter"), StreamSpec("/b")]
+        text = f"{{stop}} -> always[{bound}] ({{topic: /a}} -> {{v: 0}})"
+        guard = prop("p", text, time="seconds", guards=frozenset({"/a"}))
+        return open_session([guard], attach={"m": [A, B]}, streams=streams, maker=native, by="publication")
+
+    session = made()
+    feed = Feed(session)
+    feed(B, 1000, {"stop": True})
+    (_, tick) = session.advance(1310)
+    feed(B, 1150, {"stop": True}, arrived=1310)
+    session.advance(1361)
+    assert (tick.step.event.stream.kind, tick.step.stamp) == ("tick", 1201)
+    if restarted:
+        saved, session = json.loads(json.dumps(session.snapshot())), made()
+        session.restore(saved, 10)
+        feed = Feed(session, feed.seqs)
+    judged = [
+        j for at in (1260, 1360, 1400, 1401, 1402) for j in feed(A, at, {"v": 3}, arrived=max(1361, at), ask=True)
+    ]
+    judged += session.advance(1600)
+    assert [j.step.stamp for j in judged if j.decision and j.decision.choice == "deny"] == denied
+
+
+def test_what_can_not_be_judged_asks_for_nothing_and_nothing_is_denied_for_it() -> None:
+    streams = [StreamSpec("/a", action="filter"), StreamSpec("/b", signals={"near": "msg.near < 5"})]
+    text = "{topic: /b} and not {near: true} -> always[:4] ({topic: /a} -> {v: 0})"
+    feed = Feed(opened(prop("p", text, guards=frozenset({"/a"})), streams=streams))
+    judged = feed(B, 1, {"near": "?"}) + feed(A, 2, {"v": 3}, ask=True) + feed(B, 3, {"near": 9})
+    judged += feed(A, 4, {"v": 3}, ask=True) + feed(A, 5, {"v": 3}, ask=True)
+    assert [r["outcome"] for r in records(judged)] == [
+        "unknown",
+        "currently_true",
+        "currently_true",
+        "currently_false",
+        "currently_true",
+    ]
+    assert chosen(judged) == ["allow", "deny", "deny"]
+
+
 def test_it_goes_on_denying_for_the_values_that_it_was_asked_for() -> None:
     session = stopped("forall[x]. {limit: *x} -> always[:10ns] ({topic: /a} -> {v <= *x})")
     feed = Feed(session)
@@ -107,8 +155,8 @@ def test_a_snapshot_of_before_tells_nothing_of_what_was_decided_and_is_not_used(
     session = stopped()
     Feed(session)(B, 1, {"stop": True})
     old: Any = session.snapshot()
-    del old["judges"]["arrival"]["properties"][0]["engine"]["beside"]
-    with pytest.raises(EngineError, match="kept nothing of obligations"):
+    del old["judges"]["arrival"]["properties"][0]["engine"]["breaking"]
+    with pytest.raises(EngineError, match="kept other things of obligations"):
         stopped().restore(old, 2)
 
 

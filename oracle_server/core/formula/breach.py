@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import reduce
 
 from oracle_server.core.formula import tree
@@ -9,13 +11,23 @@ from oracle_server.core.formula.ahead import Obligation, looks_ahead
 from oracle_server.core.formula.tree import Atom, Bound, Constraint, Formula, Limit, Ref, Relation
 
 
-def breach(found: Obligation) -> Formula | None:
+@dataclass(frozen=True, slots=True)
+class Asked(tree.Once):
+    """`once`, of a step at which something was asked: a step that came after a later tick counts at its time."""
+
+
+Surely = Callable[[Formula], Formula]
+"""What holds only where a part does, and can be judged."""
+
+
+def breach(found: Obligation, surely: Surely = lambda part: part) -> Formula | None:
     """What holds at each step that breaks what some step before it asks for, or that step itself.
 
     An obligation is decided once, and what breaks it later is no violation any more; a guard denies that all the same.
+    What can't be judged asks for nothing: parts that ask are made by `surely` what they are only where they can be.
     None where the past alone can't tell: something else than `always` waits, or one of two `always`, joined by `or`.
     """
-    broken = _broken(found.goal, found.trigger)
+    broken = _broken(found.goal, None if found.trigger is None else surely(found.trigger), surely)
     if broken is None:
         return None
     return reduce(lambda body, name: tree.Exists(name, body), reversed(found.variables), _bound(broken))
@@ -43,22 +55,22 @@ def _own(number: int) -> str:
     return f"*{number}"
 
 
-def _broken(goal: Formula, asked: Formula | None) -> Formula | None:  # noqa: PLR0911 -- a case a node
+def _broken(goal: Formula, asked: Formula | None, surely: Surely) -> Formula | None:  # noqa: PLR0911 -- a case a node
     """What holds at each step that breaks a goal, which is asked for where a formula holds, None for everywhere."""
     match goal:
         case _ if not looks_ahead(goal):
             return _both(asked, tree.Not(goal))
         case tree.Always(operand, bound):
-            return _broken(operand, _within(bound, asked))
+            return _broken(operand, _within(bound, asked), surely)
         case tree.And(left, right):
-            first, second = _broken(left, asked), _broken(right, asked)
+            first, second = _broken(left, asked, surely), _broken(right, asked, surely)
             return None if first is None or second is None else tree.Or(first, second)
         case tree.Implies(left, right):
-            return _broken(right, _both(asked, left))
+            return _broken(right, _both(asked, surely(left)), surely)
         case tree.Or(left, right) if not looks_ahead(left):
-            return _broken(right, _both(asked, tree.Not(left)))
+            return _broken(right, _both(asked, surely(tree.Not(left))), surely)
         case tree.Or(left, right) if not looks_ahead(right):
-            return _broken(left, _both(asked, tree.Not(right)))
+            return _broken(left, _both(asked, surely(tree.Not(right))), surely)
         case _:
             return None
 
@@ -67,7 +79,7 @@ def _within(bound: Bound, asked: Formula | None) -> Formula | None:
     """Where a step at which it was asked is so far back."""
     if asked is None and not bound.lower:
         return None
-    return tree.Once(tree.TRUE if asked is None else asked, bound)
+    return Asked(tree.TRUE if asked is None else asked, bound)
 
 
 def _both(asked: Formula | None, also: Formula) -> Formula:

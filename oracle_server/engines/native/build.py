@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import Obligation, Path, obligation
+from oracle_server.core.formula.breach import Asked
 from oracle_server.core.formula.relations import wanted
 from oracle_server.core.formula.tree import Atom, Bound, Formula
 from oracle_server.engines.native.awaiting import Goals, limits_of, obligations
@@ -166,7 +167,8 @@ class _Builder:
                 before = self._body(self.expression(operand, scope, (*path, 0)))
                 return self._add(path, Previous(before, self._timeline))
             case tree.Once(operand, bound):
-                return self._once(path, self.expression(operand, scope, (*path, 0)), bound)
+                clock = self._counted() if isinstance(node, Asked) else None
+                return self._once(path, self.expression(operand, scope, (*path, 0)), bound, clock)
             case tree.Historically(operand, bound):
                 return ("not", self._once(path, negated(self.expression(operand, scope, (*path, 0))), bound))
             case tree.Since(left, right, bound):
@@ -194,17 +196,24 @@ class _Builder:
         self._network.places[path] = node
         return node
 
-    def _once(self, path: Path, operand: Expression, bound: Bound) -> Expression:
+    def _counted(self) -> Timeline | None:
+        """The times at which steps count for what was asked; None where only their numbers do."""
+        line = self._timeline
+        if line.timed and line.counted is None:
+            line.counted = Timeline(timed=True)
+        return line.counted
+
+    def _once(self, path: Path, operand: Expression, bound: Bound, clock: Timeline | None = None) -> Expression:
         finite = is_finite(operand)
         if finite and bound == tree.ALL_PAST:
             order = _order(operand)
             if order is not None:
                 return self._add(path, Preceded(self._body(order[0]), self._body(order[1]), self._timeline))
         if bound.upper is None and (finite or not variables_of(operand)):
-            return self._add(path, Ever(self._body(operand), bound.lower, self._timeline))
+            return self._add(path, Ever(self._body(operand), bound.lower, self._timeline, clock))
         if not bound.lower and finite:
-            return self._add(path, Latest(self._body(operand), None, bound.upper, self._timeline))
-        return self._add(path, Window(Body(self._timeline, operand), bound, self._timeline))
+            return self._add(path, Latest(self._body(operand), None, bound.upper, self._timeline, clock))
+        return self._add(path, Window(Body(self._timeline, operand), bound, self._timeline, clock))
 
     def _some(self, node: tree.Exists | tree.Forall, scope: Scope, path: Path) -> Expression:
         """A quantifier, and those of its kind that follow directly; for all is none for which not."""

@@ -113,6 +113,12 @@ class NativeEngine:
             self.owed.forget()
         self._due = 0
 
+    def count_from(self, time: int) -> None:
+        """For what was asked the next step counts at no time (ns) before this; 0 where it counts at its own."""
+        self._timeline.reached = time
+        if time:
+            self._due = 0
+
     def end(self) -> None:
         """Nothing will come any more; see `Owing`."""
         assert self.owed is not None  # noqa: S101 -- it waits for something

@@ -21,6 +21,7 @@ class Ever:
     __slots__ = (
         "_at",
         "_body",
+        "_clock",
         "_held",
         "_lower",
         "_timeline",
@@ -36,8 +37,9 @@ class Ever:
     )  # fmt: skip
     lasting = True
 
-    def __init__(self, body: Body, lower: int, timeline: Timeline) -> None:
-        self._body, self._lower, self._timeline = body, lower, timeline
+    def __init__(self, body: Body, lower: int, timeline: Timeline, clock: Timeline | None = None) -> None:
+        """`clock` has the times of the steps, None where these are the timeline's."""
+        self._body, self._lower, self._timeline, self._clock = body, lower, timeline, clock or timeline
         self._at = body.at[0]
         self.variables = body.variables
         self.flat, self.binds, self.multiplies = True, frozenset(body.variables), body.multiplies
@@ -60,7 +62,7 @@ class Ever:
             for key in keys:
                 if key not in held and at(key):
                     if not self._lower:
-                        self._hold(key, self._timeline.now)
+                        self._hold(key, self._clock.now)
                     elif key not in self.waits:
                         self._wait(key)
         if self.waiting:
@@ -123,7 +125,7 @@ class Ever:
         self._held.index()
 
     def _release(self) -> None:
-        now, released = self._timeline.now, 0
+        now, released = self._clock.now, 0
         while self.waiting and self.waiting[0][0] <= now:
             released += 1
             if released > FEW:
@@ -136,7 +138,7 @@ class Ever:
 
     def _wait(self, key: Key) -> None:
         self.waits.add(key)
-        self.waiting.append((self._timeline.now + self._lower, key))
+        self.waiting.append((self._clock.now + self._lower, key))
         if self._timeline.journal is not None:
             self._timeline.journal.append(self._wait_no_more)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from oracle_server.core.atoms import Match, Matches
 from oracle_server.core.errors import EngineError
+from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import obligation
 from oracle_server.core.formula.breach import breach, unlimited
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import TRUE, Formula, atoms
+from oracle_server.core.formula.tree import Atom, Formula
+from oracle_server.core.lost import Lost
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import NEGATIVE, Outcome
 from oracle_server.engines.native.engine import NativeEngine
@@ -28,20 +30,50 @@ class GuardingEngine(NativeEngine):
         """`share` is the part of an engine's cost limit that each of both may use; `guards`: it decides events."""
         super().__init__(formula, time, share)
         found = obligation(formula) if guards else None
-        broken = None if found is None else breach(found)
+        self._failing: dict[Atom, frozenset[Atom]] = {}
+        """What holds for the second engine where one of some atoms can't be judged."""
+        broken = None if found is None else breach(found, self._surely)
         self.breaks = False
         """Whether the last step broke what is asked by `always`, be it decided before or not."""
         self._beside = None if broken is None else NativeEngine(broken, time, share)
-        known = {unlimited(atom): place for place, atom in enumerate(atoms(formula))}
-        self._places = [None if atom == TRUE else known[atom] for atom in (() if broken is None else atoms(broken))]
+        self._own = tree.atoms(formula)
+        self._lost: frozenset[Atom] = frozenset()
+        """The atoms that can't be judged at the next step."""
+        known = {unlimited(atom): place for place, atom in enumerate(self._own)}
+        self._places = [known.get(atom, atom) for atom in (() if broken is None else tree.atoms(broken))]
 
     def step(self, time: int, matches: Matches) -> Outcome:
         """Judge the next step; see `Engine.step`."""
         outcome = super().step(time, matches)
         if self._beside is not None:
-            seen = [_TRUE if place is None else matches[place] for place in self._places]
+            assert self.owed is not None  # noqa: S101 -- it asks for something
+            decided = self.owed.now  # time may have gone on further than to the step, and decided what was asked
+            self._beside.count_from(decided if self._timed and decided > time else 0)
+            seen = [matches[place] if isinstance(place, int) else self._of(place) for place in self._places]
             self.breaks = self._beside.step(time, seen) not in NEGATIVE
+            self._lost = frozenset()
         return outcome
+
+    def lose(self, lost: Collection[Lost]) -> None:
+        """For the next step alone: these atoms can't be judged; see `Owing`."""
+        super().lose(lost)
+        self._lost = frozenset([self._own[place] for place, _ in lost])
+
+    def _of(self, atom: Atom) -> Match:
+        """Whether an atom holds that the formula does not have: `true`, or that something can't be judged."""
+        return None if atom != tree.TRUE and self._failing[atom].isdisjoint(self._lost) else _TRUE
+
+    def _surely(self, part: Formula) -> Formula:
+        """A part that asks for something, where it can be judged: an atom that can't be does not hold, as it is.
+
+        That is known of the part, not of single values of its variables.
+        """
+        if _needs_all(part):
+            return part
+        name = f"*{len(self._failing)}"  # no signal has such a name
+        failing = Atom((tree.Constraint(name, "==", tree.Any.ANY),))
+        self._failing[failing] = frozenset(tree.atoms(part))
+        return tree.And(part, tree.Not(failing))
 
     @property
     def work(self) -> int:
@@ -75,7 +107,7 @@ class GuardingEngine(NativeEngine):
     def snapshot(self) -> dict[str, Any]:
         """All that later verdicts and decisions depend on, as plain data that JSON can represent."""
         saved = super().snapshot()
-        return saved if self._beside is None else {**saved, "beside": self._beside.snapshot()}
+        return saved if self._beside is None else {**saved, "breaking": self._beside.snapshot()}
 
     def restore(self, data: Mapping[str, Any]) -> None:
         """Continue from a snapshot of the same formula, before the first step.
@@ -83,9 +115,9 @@ class GuardingEngine(NativeEngine):
         Raises `EngineError` where it was taken by a version that keeps other things.
         """
         if self._beside is not None:
-            if "beside" not in data:
-                raise EngineError("a snapshot of a version that kept nothing of obligations which were decided false")
-            self._beside.restore(data["beside"])
+            if "breaking" not in data:
+                raise EngineError("a snapshot of a version that kept other things of obligations which were decided")
+            self._beside.restore(data["breaking"])
         super().restore(data)
 
 
@@ -94,3 +126,8 @@ def engine_of(prop: Property, share: float = 1) -> NativeEngine:
     if not prop.guards:
         return NativeEngine(prop.formula, prop.time, share)
     return GuardingEngine(prop.formula, prop.time, share)
+
+
+def _needs_all(part: Formula) -> bool:
+    """Whether a part holds only where each of its atoms does, at the same step."""
+    return isinstance(part, Atom) or (isinstance(part, tree.And) and _needs_all(part.left) and _needs_all(part.right))

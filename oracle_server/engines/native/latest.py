@@ -25,6 +25,7 @@ class Latest:
     __slots__ = (
         "_body",
         "_breaking",
+        "_clock",
         "_ended",
         "_held",
         "_leaving",
@@ -42,9 +43,14 @@ class Latest:
     )  # fmt: skip
     lasting = False
 
-    def __init__(self, right: Body, left: Body | None, upper: int | None, timeline: Timeline) -> None:
-        """`right` is flat; `left`, where there is one, has no other variables."""
-        self._body, self._upper, self._timeline = right, upper, timeline
+    def __init__(
+        self, right: Body, left: Body | None, upper: int | None, timeline: Timeline, clock: Timeline | None = None
+    ) -> None:
+        """`right` is flat; `left`, where there is one, has no other variables.
+
+        `clock` has the times of the steps, None where these are the timeline's.
+        """
+        self._body, self._upper, self._timeline, self._clock = right, upper, timeline, clock or timeline
         self.variables = right.variables
         self._right = right.at[0]
         self._left = left
@@ -75,7 +81,7 @@ class Latest:
         keys = self._body.touched(self)
         if keys:
             self._touch(keys)
-        if self._leaving and self._leaving[0][0] <= self._timeline.now:
+        if self._leaving and self._leaving[0][0] <= self._clock.now:
             self._expire()
 
     def due(self) -> int | None:
@@ -87,7 +93,7 @@ class Latest:
         if self._upper is None:
             return None
         # what holds at the last step may not hold at the next one, and so end there
-        ending = self._timeline.now + self._upper + 1
+        ending = self._clock.now + self._upper + 1
         deadlines = [ending] if ending > after and len(self._ended) < len(self._held.times) else []
         for place in range(bisect_right(self._leaving, after, key=_deadline), len(self._leaving)):
             if self._last(*self._leaving[place]):
@@ -109,7 +115,7 @@ class Latest:
 
     def when(self, key: Key) -> int | None:
         """The time of a step that makes it hold at a key; None where it does not."""
-        return self._ended.get(key, self._timeline.now) if key in self._held.times else None
+        return self._ended.get(key, self._clock.now) if key in self._held.times else None
 
     def snapshot(self) -> Any:
         """The state as plain data."""
@@ -153,7 +159,7 @@ class Latest:
         for key in keys:
             if right(key):
                 if key not in held:
-                    self._held.add(key, self._timeline.now)
+                    self._held.add(key, self._clock.now)
                     self.changes.append(key)
                 elif key in ended:
                     self._forget(key)
@@ -195,7 +201,7 @@ class Latest:
         return key if self._pick is None else self._pick(key)
 
     def _expire(self) -> None:
-        now, left = self._timeline.now, 0
+        now, left = self._clock.now, 0
         while self._leaving and self._leaving[0][0] <= now:
             left += 1
             if left > FEW:
@@ -213,7 +219,7 @@ class Latest:
 
     def _end(self, key: Key) -> None:
         """Note that the right side held with the step before for the last time."""
-        before = self._timeline.before
+        before = self._clock.before
         self._ended[key] = before
         if self._timeline.journal is not None:
             self._timeline.journal.append(Undo(self._ended.pop, key))

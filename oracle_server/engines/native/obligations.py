@@ -186,6 +186,11 @@ class Obligations:
             self._present.note(partial(index.add, key))
 
     @property
+    def now(self) -> int:
+        """The time of the last step, or up to which time has decided something, if that is later."""
+        return self._present.now
+
+    @property
     def failed(self) -> list[Decided]:
         """What was decided false with the last step, or by the time that came last, the oldest first."""
         if not self.broken:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -58,8 +59,8 @@ class Timeline:
     """
 
     __slots__ = (
-        "_at_once", "_horizon", "_on_average", "_times", "allowed", "before", "debt", "first", "journal", "now",
-        "timed", "work",
+        "_at_once", "_horizon", "_on_average", "_times", "allowed", "before", "counted", "debt", "first", "journal",
+        "now", "reached", "timed", "work",
     )  # fmt: skip
 
     def __init__(self, *, timed: bool, share: float = 1) -> None:
@@ -76,6 +77,10 @@ class Timeline:
         """What earlier steps cost more than may be on average."""
         self.journal: Journal | None = None
         """None where none is kept."""
+        self.counted: Timeline | None = None
+        """The times at which the steps count for what was asked by `always`; None where these are their own."""
+        self.reached = 0
+        """The next one counts at no time before this there."""
         self._times: list[int] = []
         self._horizon: int | None = None
 
@@ -92,6 +97,15 @@ class Timeline:
             self._times.append(time)
             if len(self._times) % _TRIM == 0 and self.journal is None:
                 del self._times[: bisect_left(self._times, time - self._horizon)]
+        if self.counted is not None:
+            self.counted.follow(self, max(time, self.reached))
+
+    def follow(self, line: Timeline, time: int) -> None:
+        """Go on to the next step with another timeline, with which that is taken back."""
+        self.journal = line.journal
+        if self.journal is not None:
+            self.journal.append(partial(self.place, self.now, self.before, 1))
+        self.move(time)
 
     def place(self, time: int, before: int, steps: int) -> None:
         """Go back to a step at a time, whose last one was at `before`, by so many steps."""
@@ -158,9 +172,12 @@ class Timeline:
 
     def snapshot(self) -> Any:
         """The timeline as plain data."""
-        return [self.now, self.before, self.first, self._times, self._owed]
+        counted = [] if self.counted is None else [self.counted.snapshot()]
+        return [self.now, self.before, self.first, self._times, self._owed, *counted]
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
-        self.now, self.before, self.first, self._times, *debt = data
-        self.debt, self.work = (debt[0] if debt else 0), 0
+        self.now, self.before, self.first, self._times, *more = data
+        self.debt, self.work = (more[0] if more else 0), 0
+        if self.counted is not None:
+            self.counted.restore(more[1])

@@ -26,9 +26,12 @@ from oracle_server.engines.native.timeline import FEW, Timeline, Undo
 class Window:
     """`left since[a:b] right`, or `once[a:b] right` where there is no left side."""
 
-    def __init__(self, body: Body, bound: Bound, timeline: Timeline) -> None:
-        """`body` has the right side, and the left one after it where there is one."""
-        self._body, self._timeline = body, timeline
+    def __init__(self, body: Body, bound: Bound, timeline: Timeline, clock: Timeline | None = None) -> None:
+        """`body` has the right side, and the left one after it where there is one.
+
+        `clock` has the times of the steps, None where these are the timeline's.
+        """
+        self._body, self._timeline, self._clock = body, timeline, clock or timeline
         self._lower, self._upper = bound.lower, bound.upper
         self._right = body.at[0]
         self._left = body.at[1] if len(body.at) > 1 else None
@@ -49,7 +52,7 @@ class Window:
         """Whether the window may hold no step at all."""
         self._peopled = True
         if self._sparse and bound.upper is not None:
-            timeline.keep(bound.upper)
+            self._clock.keep(bound.upper)
 
     def at(self, key: Key) -> bool:
         """The value at a key."""
@@ -75,17 +78,17 @@ class Window:
 
     def _step_alone(self) -> None:
         """What `step` does, where there is one key only."""
-        runs, timeline = self._table.fresh, self._timeline
-        journal, before = timeline.journal, runs.values
+        runs, clock = self._table.fresh, self._clock
+        journal, before = self._timeline.journal, runs.values
         if self._sparse and self._upper is not None:
             self._look_for_steps(self._upper)
         right, left = self._right(()), self._left is None or self._left(())
         if right is not runs.right or left is not runs.left or not left:
             if self._move((), runs, left, right) and self._upper is not None:
-                self._new_leaving.append((timeline.before + self._upper + 1, ()))
+                self._new_leaving.append((clock.before + self._upper + 1, ()))
             self._queue_new()
         for queue in (self._entering, self._leaving):
-            while queue and queue[0][0] <= timeline.now:
+            while queue and queue[0][0] <= clock.now:
                 entry = queue.popleft()
                 if journal is not None:
                     journal.append(Undo(queue.appendleft, entry))
@@ -97,7 +100,7 @@ class Window:
             journal.append(Undo(runs.put, before))
 
     def _look_for_steps(self, upper: int) -> None:
-        peopled, journal = self._timeline.any_between(self._lower, upper), self._timeline.journal
+        peopled, journal = self._clock.any_between(self._lower, upper), self._timeline.journal
         if peopled is not self._peopled:
             if journal is not None:
                 journal.append(partial(setattr, self, "_peopled", not peopled))
@@ -117,16 +120,14 @@ class Window:
             if self._timeline.journal is not None:
                 self._timeline.journal.append(Undo(self._leaving.appendleft, entry))
         # what holds at the last step may not hold at the next one, so that a run ends, or begins to count, there
-        deadlines = [
-            self._timeline.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d
-        ]
+        deadlines = [self._clock.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d]
         deadlines = [deadline for deadline in deadlines if deadline > after]
         for queue in (self._entering, self._leaving):
             place = bisect_right(queue, after, key=_deadline)
             if place < len(queue):
                 deadlines.append(queue[place][0])
         if self._sparse and self._upper is not None:
-            turn = self._timeline.next_change(self._lower, self._upper, after)
+            turn = self._clock.next_change(self._lower, self._upper, after)
             if turn is not None:
                 deadlines.append(turn)
         return min(deadlines, default=None)
@@ -154,21 +155,21 @@ class Window:
 
     def when(self, key: Key) -> int | None:  # noqa: PLR0911 -- a case a kind of bound
         """The time of a step that makes it hold at a key; None where it does not."""
-        runs, timeline = self._table.get(key), self._timeline
+        runs, clock = self._table.get(key), self._clock
         if not runs.value:
             return None
         if not runs.starts:
-            return timeline.now  # the left side fails now, and the right one holds
-        nearest = timeline.now - self._lower
+            return clock.now  # the left side fails now, and the right one holds
+        nearest = clock.now - self._lower
         if self._upper is None:
             return runs.starts[0]
         if not runs.ends or (not self._lower and runs.right):
-            return timeline.latest(nearest) if self._sparse else nearest
+            return clock.latest(nearest) if self._sparse else nearest
         if not self._lower:
             return runs.ends[-1]
         if runs.ends[0] <= nearest:
             return runs.ends[0]
-        return timeline.latest(nearest) if self._sparse else nearest
+        return clock.latest(nearest) if self._sparse else nearest
 
     def snapshot(self) -> Any:
         """The state as plain data."""
@@ -199,7 +200,7 @@ class Window:
         if right is False and not runs.starts:
             return False
         if right is True and left is True and self._all and not self._sparse and len(runs.starts) > len(runs.ends):
-            return True if runs.starts[-1] <= self._timeline.now - self._lower else None
+            return True if runs.starts[-1] <= self._clock.now - self._lower else None
         return False if left is False and (right is False or self._lower) else None
 
     def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
@@ -224,7 +225,7 @@ class Window:
             self._refresh(key, runs)
             other = self._table.fresh
             if self._upper is not None and (closed or (runs.left is other.left and runs.right is other.right)):
-                self._new_leaving.append((self._timeline.before + self._upper + 1, key))
+                self._new_leaving.append((self._clock.before + self._upper + 1, key))
         for key in keys:
             if is_fresh(key) and key not in beneath:
                 beneath.update(dict.fromkeys(self._table.beneath(key)))
@@ -251,12 +252,12 @@ class Window:
             runs.clear(self._timeline.journal)
         elif not runs.left:
             if held:
-                self._open(key, runs, self._timeline.before)
+                self._open(key, runs, self._clock.before)
                 closed = not right
             elif right:
-                self._open(key, runs, self._timeline.now)
+                self._open(key, runs, self._clock.now)
         elif right and not held:
-            self._open(key, runs, self._timeline.now)
+            self._open(key, runs, self._clock.now)
         elif held and not right:
             closed = True
         if closed:
@@ -276,7 +277,7 @@ class Window:
 
     def _close(self, runs: Runs) -> None:
         if self._upper is not None:
-            runs.end(self._timeline.before, self._timeline.journal)
+            runs.end(self._clock.before, self._timeline.journal)
 
     def _refresh(self, key: Key, runs: Runs) -> None:
         value = self._value(runs)
@@ -289,11 +290,11 @@ class Window:
     def _value(self, runs: Runs) -> bool:
         if not runs.left:
             return runs.right and not self._lower
-        farthest = None if self._upper is None else self._timeline.now - self._upper
+        farthest = None if self._upper is None else self._clock.now - self._upper
         if farthest is not None:
             while runs.ends and runs.ends[0] < farthest:
                 runs.forget(self._timeline.journal)
-        nearest = self._timeline.now - self._lower
+        nearest = self._clock.now - self._lower
         if not runs.starts or runs.starts[0] > nearest:
             return False
         if not self._sparse or self._peopled or farthest is None:
@@ -305,7 +306,7 @@ class Window:
         if runs.left is not other.left or runs.right is not other.right or len(runs.starts) != len(other.starts):
             return False
         # before here, when a run began makes no difference any more
-        past = self._timeline.now - (self._lower if self._upper is None else self._upper)
+        past = self._clock.now - (self._lower if self._upper is None else self._upper)
         begun = zip(runs.starts, other.starts, strict=True)
         return all(p == q or max(p, q) <= past for p, q in begun) and list(runs.ends) == list(other.ends)
 
@@ -320,7 +321,7 @@ class Window:
             self._table.drop(key, self._same)
 
     def _pop(self, queue: deque[tuple[int, Key]]) -> None:
-        now, popped = self._timeline.now, 0
+        now, popped = self._clock.now, 0
         while queue and queue[0][0] <= now:
             popped += 1
             if popped > FEW:
