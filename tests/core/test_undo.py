@@ -17,7 +17,7 @@ from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, record
-from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.native import NativeEngine, engine_of
 from oracle_server.engines.table import make_engines
 from oracle_server.specfiles.load import parse_spec
 from tests import generate
@@ -218,6 +218,21 @@ def test_what_others_broke_is_let_pass_until_a_denied_event_may_be_the_reason(la
     feed(B, 3, {"v": 9})
     judged += feed(A, 4, {"v": 1}, ask=True) + feed(A, 5, {"v": 9}, ask=True)
     assert decisions(judged) == ["deny", "allow", "allow", "allow"], "/b has broken it for good, whatever /a does"
+
+
+@pytest.mark.parametrize(("guards", "then"), [(["/a"], "allow"), (["/a", "/b"], "deny")])
+def test_an_event_that_others_denied_is_no_excuse_where_the_property_guards_its_stream(
+    guards: list[str], then: str
+) -> None:
+    text = 'historically not ({topic: "/b", v > 5} or {topic: "/a", v > 5})'
+    caused = prop("p", text, blame="caused", guards=frozenset(guards))
+    other = prop("q", '{topic: "/b"} -> {v <= 1}', guards=frozenset({"/b"}))
+    streams = [StreamSpec(name, action="filter") for name in ("/a", "/b")]
+    feed = Feed(open_session([caused, other], attach={"m": [A, B]}, streams=streams, maker=engine_of, by="arrival"))
+    (denied,) = feed(B, 1, {"v": 9}, ask=True)
+    assert denied.decision is not None
+    assert "q" in denied.decision.denied_by
+    assert decisions(feed(A, 2, {"v": 9}, ask=True)) == [then]
 
 
 def test_a_latch_denies_what_breaks_its_formula_and_nothing_else_whoever_has_latched_it() -> None:
