@@ -51,7 +51,7 @@ class Bag:
         self.path = path
         self.ignored: Counter[str] = Counter()
         self.notes: list[Note] = []
-        self.read = self.size = self.until = self.lost = 0
+        self.read = self.size = self.since = self.until = self.lost = 0
         self._plan, self._types = plan(spec), typestore(types)
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
@@ -68,6 +68,7 @@ class Bag:
                 storages = self._open(files, stack)
                 sources = self._prepare(files, storages)
                 self._survey(storages, sources)
+                self.since = _oldest(storages)
                 yield from self._events(storages, sources)
                 self.until = _newest(storages)
                 self.notes += notes_of(self._topics.values(), files, storages)
@@ -222,6 +223,11 @@ def _as_recorded(files: list[tuple[Path, Storage]]) -> list[tuple[Path, Storage]
         begun = file[1].oldest or begun
         found.append((begun, file))
     return [file for _, file in sorted(found, key=itemgetter(0))]
+
+
+def _oldest(storages: Sequence[Storage]) -> int:
+    """When the first message of a bag was recorded, on whatever topic; 0 where that is not known."""
+    return min((storage.oldest for storage in storages if 0 < storage.oldest <= LATEST), default=0)
 
 
 def _newest(storages: Sequence[Storage]) -> int:

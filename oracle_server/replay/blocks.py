@@ -39,6 +39,8 @@ class InBlocks(ABC):
 
     def __init__(self) -> None:
         self._blocks: list[Block] = []
+        self._oldest = 0
+        """The time of the oldest message that was read; 0 where none was."""
         self._newest: int | None = None
         """The time of the newest message that was read; None where none was."""
 
@@ -48,8 +50,9 @@ class InBlocks(ABC):
 
     @property
     def oldest(self) -> int:
-        """The time of the first message, as the headings of the file's parts have it."""
-        return min((block.start for block in self._blocks if block.start), default=0)
+        """The time of the first message, by the headings of the file's parts and what was read of them."""
+        times = (self._oldest, *(block.start for block in self._blocks))
+        return min((time for time in times if time), default=0)
 
     @property
     def newest(self) -> int:
@@ -61,6 +64,7 @@ class InBlocks(ABC):
 
     def _heard(self, time: int) -> None:
         """Note the time of a message that was read, whatever its channel."""
+        self._oldest = min(self._oldest or time, time)
         self._newest = max(self._newest or 0, time)
 
     @abstractmethod

@@ -31,7 +31,8 @@ class Trace:
 
     `clocked` is whether the trace has times of arrival, as its first event has or has not; without them, the newest
     stamp so far is an event's time of arrival. `ignored` counts the events of streams that the spec does not observe;
-    `read` of `size` bytes are read. `until` is when (ns) the last line arrived, of whatever stream.
+    `read` of `size` bytes are read. `since` and `until` are when (ns) the first and the last line arrived, of whatever
+    stream.
     """
 
     path: Path
@@ -42,6 +43,7 @@ class Trace:
     ignored: Counter[str] = field(default_factory=Counter)
     notes: list[Note] = field(default_factory=list)
     read: int = 0
+    since: int = 0
     until: int = 0
     lost: int = 0
     _now: int = 0
@@ -75,6 +77,7 @@ class Trace:
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
                     self._times.clocked = self.clocked
+                    self.since = _passed(line) if self.clocked else 0
                 self.until = max(self.until, _passed(line) if self.clocked else 0)
                 taken = self._attempts.take(line)
                 event = None if taken.name is None else self._event(line, taken.name, place, fault)

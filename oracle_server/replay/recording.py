@@ -90,9 +90,9 @@ class Recording(Protocol):
     """A recording for one spec, in the order of arrival; `read` of `size` units are read.
 
     `clocked` is whether it has times of arrival; `ignored` counts events of streams that the spec does not observe;
-    `notes` grow while it is read. Once it is read, `until` is when (ns) the last of all that it has arrived, of
-    whatever stream: so long it went on, 0 where that is not known; `lost` is how often events may be missing behind the
-    last one of the spec's streams.
+    `notes` grow while it is read. It went on from `since`, known with the first event, until `until`, known once it is
+    read: when (ns) the first and the last of all that it has arrived, of whatever stream, 0 where that is not known.
+    `lost` is how often events may be missing behind the last one of the spec's streams.
     """
 
     path: Path
@@ -101,6 +101,7 @@ class Recording(Protocol):
     notes: list[Note]
     read: int
     size: int
+    since: int
     until: int
     lost: int
 

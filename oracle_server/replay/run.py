@@ -137,9 +137,15 @@ class Replay:
         return None if found is None else (found[0], found[1] or "decision")
 
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[list[Judged]]:
-        session = self._session = self._open(first.begun)
+        arrived = first.event.arrived
+        since = min(self.recording.since or arrived, arrived)
+        session = self._session = self._open(since if first.begun is None else first.begun)
         if session.asking is not None:
             self._oracles = OfflineOracles(session)
+        if first.event.lost:
+            session.note_loss()
+        for judged in _meanwhile(session, arrived):  # it may go on for long before an event that the spec observes
+            yield self._answered(judged)
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
@@ -206,7 +212,7 @@ class Replay:
         return event
 
     def _open(self, begun: int | None) -> Session:
-        """A new session, which began at a time (ns) or else begins with its first monitor.
+        """A new session, which began at a time (ns), or with its first monitor where that is not known.
 
         Without times of arrival, it has no delays, no limit on skew, and no ticks.
         """

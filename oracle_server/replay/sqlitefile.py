@@ -112,25 +112,23 @@ class SqliteFile:
 
     @property
     def oldest(self) -> int:
-        """The time of the first message."""
-        with suppress(sqlite3.Error):
-            query = "SELECT min(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"
-            return self._database.execute(query).fetchone()[0] or 0
-        return 0
+        """The time of the first message that can be read."""
+        return min(self._times("min"), default=0)
 
     @property
     def newest(self) -> int:
         """The time of the last message that can be read; 0 where reading them came to an end before that."""
-        found = 0
-        if self._ended_early:
-            return found
-        query = "SELECT max(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"
+        return 0 if self._ended_early else max(self._times("max"), default=0)
+
+    def _times(self, which: str) -> Iterator[int]:
+        """The first or the last time of recording (`min`, `max`); of a file that ends early all that can be read."""
+        query = f"SELECT {which}(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"  # noqa: S608
         if not self._whole:
             query = "SELECT timestamp FROM messages NOT INDEXED WHERE typeof(timestamp) = 'integer' ORDER BY id"
         with suppress(sqlite3.Error):
             for (time,) in self._database.execute(query):
-                found = max(found, time or 0)
-        return found
+                if time:
+                    yield time
 
     def close(self) -> None:
         """Close the file."""
