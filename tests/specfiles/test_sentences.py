@@ -198,6 +198,38 @@ def test_too_many_are_too_many_from_the_first_message_on() -> None:
     assert outcomes == ["currently_true"] * 3 + ["currently_false"] * 2
 
 
+@pytest.mark.parametrize(
+    ("sentence", "outcomes"),
+    [
+        ("requirement: 'when {id: 1} the robot shall at the next timepoint satisfy fresh'", "now now now"),
+        ("requirement: 'whenever {id: *} the robot shall immediately satisfy fresh'", "now now now"),
+        ("requirement: 'when {id: 1} the robot shall until {id: 9} satisfy fresh'", "now now now"),
+        ("pattern: 'no {idle > 2}'", "now now now"),
+        ("pattern: '{id: *} requires {idle < 2} within 1s'", "now now now"),
+        ("pattern: 'always {idle <= 2}'", "now now broken"),
+        ("requirement: 'the robot shall always satisfy fresh'", "now now broken"),
+        ("requirement: 'the robot shall never satisfy {idle > 2}'", "now now broken"),
+    ],
+)
+def test_a_deadline_breaks_only_what_is_said_of_time(sentence: str, outcomes: str) -> None:
+    """A latched guard would deny all that follows."""
+    text = (
+        "id: s\nordering: {by: arrival}\ndefine: {fresh: 'once[:2s] {topic: /a}'}\n"
+        "streams:\n  - {topic: /a, signals: {}}\n  - {topic: /b, action: filter, signals: {id: msg.id}, hold: [id]}\n"
+        "derive: {idle: {age: '{topic: /a}'}}\n"
+        f"properties: [{{id: p, time: seconds, latch: true, guards: [/b], blame: any, {sentence}}}]\n"
+    )
+    ready = plan(parse_spec(text, "s").spec)
+    session = Session(ready, make_engines(ready))
+    judged = []
+    for n, (topic, at) in enumerate((("/a", 1), ("/b", 2), ("/a", 5)), 1):
+        judged += session.advance(at * 10**9 - 1)
+        judged += session.ingest(Event(StreamKey(topic, "topic"), "m", n, at * 10**9, at * 10**9, {"id": 1}))
+    words = {"currently_true": "now", "false": "broken"}
+    told = [words[v.outcome.value] for j in judged for v in j.verdicts if j.step.event.stream.name in ("/a", "/b")]
+    assert " ".join(told) == outcomes
+
+
 def test_a_signal_that_a_pattern_makes_is_no_other() -> None:
     text = spec_of("pattern: '/goal every 2s'").replace("streams:", "derive: {p.age: {last: level}}\nstreams:")
     with pytest.raises(SpecError, match="its derived signal is called"):

@@ -48,6 +48,11 @@ def checked(formula: Formula) -> Formula:
     return whole
 
 
+def at_steps(reader: Reader, formula: Formula) -> Formula:
+    """What a sentence says of steps: a deadline breaks only what is awaited."""
+    return scopes.at_steps(formula) if reader.time == "seconds" and not looks_ahead(formula) else formula
+
+
 def _unwritten(use: Use) -> Size:
     raise FormulaError(f"`{use.call}` is not written out", *use.at)
 
@@ -139,8 +144,7 @@ def _body(reader: Reader, scope: scopes.Scope, bound: Bound) -> Formula:
     else:
         found = _pair(reader, scope, bound)
     reader.end("behind it stands `within` and a time, or nothing")
-    limited = reader.time == "seconds" and bound is not ALL_PAST and not looks_ahead(found)
-    return scopes.at_steps(found) if limited else found
+    return found if reader.measures else at_steps(reader, found)
 
 
 def _at_most(reader: Reader, bound: Bound) -> Formula:

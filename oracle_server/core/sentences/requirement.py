@@ -10,7 +10,7 @@ from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import MAX_TEXT
 from oracle_server.core.formula.tree import And, Bound, Formula, Implies, Not, Or, Pre, Time
 from oracle_server.core.sentences import scopes, timings
-from oracle_server.core.sentences.pattern import checked, timed
+from oracle_server.core.sentences.pattern import at_steps, checked, timed
 from oracle_server.core.sentences.reader import Meant, Reader
 from oracle_server.core.sentences.scopes import Scope
 from oracle_server.core.sentences.tokens import place, tokens
@@ -118,7 +118,8 @@ def _component(reader: Reader) -> None:
 def _timing(reader: Reader, asked: _Asked) -> Formula:
     for phrase, read in _PHRASES.items():
         if reader.phrase(*phrase.split()):
-            return read(reader, asked)
+            found = read(reader, asked)
+            return found if phrase in _LASTING else at_steps(reader, found)
     piece = reader.next
     word, at = piece.text.lower(), place(reader.text, piece.start)
     if word == "satisfy":
@@ -136,8 +137,7 @@ def _timing(reader: Reader, asked: _Asked) -> Formula:
     if word == "within":
         return timings.within(scope, trig, response, Bound(0, distance), at)
     if word == "for":
-        found = timings.throughout(scope, trig, response, Bound(0, distance))
-        return scopes.at_steps(found) if reader.time == "seconds" else found
+        return at_steps(reader, timings.throughout(scope, trig, response, Bound(0, distance)))
     return timings.after(scope, trig, response, distance, at)
 
 
@@ -193,6 +193,8 @@ _PHRASES: Mapping[str, Callable[[Reader, _Asked], Formula]] = {
     "finally": _finally,
 }
 """The timings without a duration."""
+_LASTING = ("always", "never")
+"""Those that are judged at deadlines too: what they ask for may end, or begin, as time passes."""
 
 
 def _response(reader: Reader) -> Formula:

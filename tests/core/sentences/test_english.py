@@ -33,6 +33,8 @@ from tests.english import SECOND, Asked, Broken, Step, Trace
 CASES = int(os.environ.get("CASES", "8"))
 LETTERS = "pqmabcrs"
 NAMES = defined({letter: f"{{{letter}}}" for letter in LETTERS}, [])
+LATELY = defined({letter: f"once[:2s] {{{letter}}}" for letter in LETTERS}, [])
+"""Names of what time ends, between steps too."""
 FALSE = 0
 """What an engine calls an obligation that was not met."""
 
@@ -93,9 +95,10 @@ def made(steps: list[tuple[int, str]], *, timed: bool) -> Trace:
     return Trace(found, timed)
 
 
-def judged(meant: Meant, trace: Trace, *, shaken: bool = False) -> Broken:
+def judged(meant: Meant, trace: Trace, *, shaken: bool = False, lasts: bool = False) -> Broken:
     """What the engine makes of a trace: which steps broke the formula at each one.
 
+    At deadlines what held at the step before holds on, and nothing comes; they break nothing but what `lasts`.
     `shaken`: before each step another one is tried and taken back, and the engine is saved and restored.
     """
     engine = NativeEngine(meant.formula, meant.time)
@@ -104,8 +107,8 @@ def judged(meant: Meant, trace: Trace, *, shaken: bool = False) -> Broken:
     waits = looks_ahead(meant.formula)
     found: Broken = []
 
-    def matches(letters: str) -> Matches:
-        signals: dict[str, Scalar] = {**dict.fromkeys(letters, True), "kind": "topic"}
+    def matches(letters: str, *, comes: bool = True) -> Matches:
+        signals: dict[str, Scalar] = {**dict.fromkeys(letters, True), **({"kind": "topic"} if comes else {})}
         made: list[Match] = [None] * len(atoms)
         for test in tests:
             made[test.index] = test.match(signals)
@@ -113,11 +116,13 @@ def judged(meant: Meant, trace: Trace, *, shaken: bool = False) -> Broken:
 
     for n, step in enumerate(trace.steps):
         time = step.time * SECOND
-        deadline = engine.next_deadline(trace.steps[n - 1].time * SECOND) if n and not waits else None
-        if deadline is not None and deadline < time:  # at a deadline nothing comes
+        before = trace.steps[n - 1]
+        after = before.time * SECOND
+        while n and not waits and (deadline := engine.next_deadline(after)) is not None and deadline < time:
             engine.mark()
-            assert engine.step(deadline, [None] * len(atoms)) not in NEGATIVE
+            assert lasts or engine.step(deadline, matches(before.letters, comes=False)) not in NEGATIVE
             engine.back()
+            after = deadline
         if shaken:
             engine.mark()
             engine.step(time, matches("pbmcr"))
@@ -139,8 +144,21 @@ def judged(meant: Meant, trace: Trace, *, shaken: bool = False) -> Broken:
 
 def check(meant: Meant, trace: Trace, wanted: Broken, text: str) -> None:
     for shaken in (False, True):
-        found = judged(meant, trace, shaken=shaken)
+        found = judged(meant, trace, shaken=shaken, lasts="always" in text or "never" in text)
         assert found == wanted, f"{text}\n{render(meant.formula, meant.time)}\n{trace}"
+
+
+def lately(trace: Trace) -> Trace:
+    """What held at each step or within 2 s before it."""
+    near = [
+        [other for other in trace.steps[: n + 1] if step.time - other.time <= 2] for n, step in enumerate(trace.steps)
+    ]
+    return trace._replace(
+        steps=[
+            Step(step.time, "".join({letter for other in others for letter in other.letters}))
+            for step, others in zip(trace.steps, near, strict=True)
+        ]
+    )
 
 
 def unit(most: int, *, timed: bool) -> str:
@@ -150,16 +168,22 @@ def unit(most: int, *, timed: bool) -> str:
 @pytest.mark.parametrize("scope", SCOPES)
 @pytest.mark.parametrize("pattern", PATTERNS)
 @many
-@given(steps=traces("pqmab"), most=st.sampled_from((None, 0, 1, 2, 3)), timed=st.booleans())
+@given(
+    steps=traces("pqmab"),
+    most=st.sampled_from((None, 0, 1, 2, 3)),
+    clock=st.sampled_from(("steps", "seconds", "lately")),
+)
 def test_a_pattern_is_what_it_says(
-    scope: str, pattern: str, steps: list[tuple[int, str]], most: int | None, *, timed: bool
+    scope: str, pattern: str, steps: list[tuple[int, str]], most: int | None, clock: str
 ) -> None:
     most = None if pattern == "always b" else most
+    timed = clock != "steps"
     text = scope + pattern + ("" if most is None else f" within {unit(most, timed=timed)}")
     trace = made(steps, timed=timed)
-    meant = read_pattern(text, NAMES, {}, "seconds" if timed else "steps")
+    meant = read_pattern(text, LATELY if clock == "lately" else NAMES, {}, "seconds" if timed else "steps")
     reading = english.existence_until if (scope, pattern) == ("until q: ", "some b") else PATTERNS[pattern]
-    check(meant, trace, reading(trace, SCOPES[scope](trace), most), text)
+    read = lately(trace) if clock == "lately" else trace
+    check(meant, trace, reading(read, SCOPES[scope](read), most), text)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -168,22 +192,24 @@ def test_a_pattern_is_what_it_says(
 @given(
     steps=traces("mcrs"),
     most=st.sampled_from((0, 1, 2, 3)),
-    timed=st.booleans(),
+    clock=st.sampled_from(("steps", "seconds", "lately")),
     condition=st.sampled_from([*CONDITIONS]),
 )
 def test_a_requirement_is_what_it_says(
-    mode: str, timing: str, condition: str, steps: list[tuple[int, str]], most: int, *, timed: bool
+    mode: str, timing: str, condition: str, steps: list[tuple[int, str]], most: int, clock: str
 ) -> None:
     if timing == "finally" and mode in ENDLESS:
         return
-    timed = timed and timing != "after"
+    timed = clock != "steps" and timing != "after"
     length = f" {unit(most, timed=timed)}" if timing in ("for", "within", "after") else ""
     text = f"{mode}{condition}the robot shall {timing}{length} satisfy r"
     trace = made(steps, timed=timed)
-    spans = MODES[mode](trace)
+    ends = timed and clock == "lately"
+    read = lately(trace) if ends else trace
+    spans = MODES[mode](read)
     reading: Callable[[Any], Broken] = TIMINGS[timing]
-    asked = Asked(trace, spans, english.triggers(trace, spans, CONDITIONS[condition]), most)
-    meant = read_requirement(text, NAMES, {}, "seconds" if timed else "steps")
+    asked = Asked(read, spans, english.triggers(read, spans, CONDITIONS[condition]), most)
+    meant = read_requirement(text, LATELY if ends else NAMES, {}, "seconds" if timed else "steps")
     check(meant, trace, reading(asked), text)
 
 
