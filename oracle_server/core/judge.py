@@ -372,7 +372,10 @@ class Judge(Blaming):
         known = self._held.get(event.monitor)
         if known is None:
             return signals, step.failed
-        return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
+        kept = known.values
+        if not step.failed.isdisjoint(kept):  # a signal of its own that failed is not what another stream holds
+            kept = {name: value for name, value in kept.items() if name not in step.failed}
+        return {**kept, **signals}, step.failed | (known.failed - signals.keys())
 
     def _holding(self, monitor: str) -> Held:
         """What a monitor's streams hold, to be changed; its event is the latest."""

@@ -60,7 +60,7 @@ class Parametric(Machines):
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Take the events of a step, as bits; returns what the signal is with them."""
         self._let_go_of_marks(now)
-        if any(name in failed and name not in signals for name in self.by):
+        if any(name in failed for name in self.by):
             return self._lose_all(now)
         parts = self._parts(signals)
         if _ANY not in parts:
@@ -94,7 +94,7 @@ class Parametric(Machines):
         return MAX_PARAMETRIC
 
     def _value_at(self, now: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        if any(name in failed and name not in signals for name in self.by):
+        if any(name in failed for name in self.by):
             return FAILED
         return self._value_of(self._parts(signals), now)
 

@@ -54,6 +54,7 @@ class Expected:
             if key in data:
                 held[key] = FAILED if key in failed else own[key]
         seen, lost = _together(held)
+        seen = {key: value for key, value in seen.items() if key not in failed}
         step = Step(time, len(self.steps) + 1, name, own, failed, {**seen, "topic": name, **own},
                     failed | (lost - own.keys()))  # fmt: skip
         self.reference.take(self.steps, step, self.begun)

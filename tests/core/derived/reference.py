@@ -202,14 +202,14 @@ class Reference:
             blind = [told for told in blind if _is_kept(d, told[0], each.time)]
             if sample is None:
                 continue
-            if any(by in each.failed and by not in each.seen for by in d.by):
+            if any(by in each.failed for by in d.by):
                 made, blind = {}, [(each, BLIND)]  # of any: none is remembered
             elif None not in parts:
                 made.setdefault(parts, [*blind]).append((each, sample))
             else:
                 for key in _agreeing(made, parts):
                     made[key].append((each, sample))
-        if any(by in step.failed and by not in step.seen for by in d.by):
+        if any(by in step.failed for by in d.by):
             return FAILED
         made = {key: told for key, told in made.items() if _is_kept(d, told[-1][0], now)}
         blind = [told for told in blind if _is_kept(d, told[0], now)]
