@@ -25,7 +25,7 @@ from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import span
-from oracle_server.core.unmet import unmet
+from oracle_server.core.unmet import idle_exclusions, unmet
 from oracle_server.core.vacuity import vacuous
 from oracle_server.core.withholding import mendable
 
@@ -50,6 +50,7 @@ def inspect(
         *awaited(spec),
         *derived_problems(spec),
         *unmet(spec),
+        *(idle_exclusions(spec) if types is not None else ()),
         *_causes(spec),
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),

@@ -23,6 +23,42 @@ def unmet(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
 
 
+def idle_exclusions(spec: Spec) -> Iterator[SpecProblem]:
+    """Atoms that exclude a stream or a kind which there is not, and so exclude nothing: misspelt names.
+
+    Asked of new specs alone: sessions with such ones are in histories.
+    """
+    for i, prop in enumerate(spec.properties):
+        for atom in prop.atoms:
+            reason = _excludes_nothing(atom, spec)
+            if reason:
+                yield SpecProblem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
+    for definition in spec.derive:
+        reasons = (_excludes_nothing(atom, spec) for atom in definition.atoms)
+        for reason in dict.fromkeys(filter(None, reasons)):
+            yield SpecProblem(("derive", definition.name), f"derived signal '{definition.name}': {reason}")
+
+
+def _excludes_nothing(atom: Atom, spec: Spec) -> str | None:
+    for constraint in atom.constraints:
+        if constraint.op == "!=":
+            reason = _unknown_stream(constraint, spec)
+            if reason is None and constraint.key == "kind" and isinstance(constraint.value, str):
+                reason = _unknown_kind(constraint.value, _kinds(spec))
+            if reason is not None:
+                return reason
+    return None
+
+
+def _unknown_stream(constraint: Constraint, spec: Spec) -> str | None:
+    """What is wrong with a constraint that names a stream, where the spec has none of that name."""
+    group, name = constraint.key, constraint.value
+    if group not in naming(spec) or not isinstance(name, str):
+        return None
+    names = sorted({s.name for s in spec.streams if s.traits.group == group})
+    return None if name in names else _no_stream(group, name, names, spec)
+
+
 def has_signal(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
     """Whether an event of a stream can have a signal; `held` are those that some stream holds."""
     if key in reserved_of(stream):
@@ -34,12 +70,10 @@ def has_signal(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
 
 def why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
     """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
-    groups = naming(spec)
     for constraint in atom.constraints:
-        if constraint.key in groups and constraint.op == "==" and isinstance(constraint.value, str):
-            names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})
-            if constraint.value not in names:
-                return _no_stream(constraint.key, constraint.value, names, spec)
+        reason = _unknown_stream(constraint, spec) if constraint.op == "==" else None
+        if reason is not None:
+            return reason
     streams = [s for s in spec.streams if can_meet(s, atom)]
     if not streams:
         return f"no event of this spec can meet {render_atom(atom)}{_contradiction(atom.constraints, spec)}"
@@ -77,17 +111,28 @@ def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], sp
     return f"unknown signal '{key}'; {f'{hint} ' if hint else ''}{where} {verb} {listed(declared) or 'none'}"
 
 
+def _kinds(spec: Spec, groups: Sequence[str] = ()) -> list[str]:
+    """The kinds of events of these groups; where there are none, of those that the spec has, topics and services."""
+    known = groups or {"topic", "service", *(stream.traits.group for stream in spec.streams)}
+    return [kind for kind, traits in KINDS.items() if traits.group in known]
+
+
+def _unknown_kind(kind: str, kinds: Sequence[str]) -> str | None:
+    if any(kind == known and traits.group for known, traits in KINDS.items()):
+        return None
+    hint = nearest(kind, kinds)
+    return f"there is no kind '{kind}'; {f'{hint} the' if hint else 'the'} kinds are {', '.join(kinds)}"
+
+
 def _contradiction(constraints: Sequence[Constraint], spec: Spec) -> str:
     """Which reserved signals do not go together."""
     wanted = {c.key: c.value for c in constraints if c.key in NAMING and c.op == "=="}
     groups = [group for group in GROUPS if group in wanted]
-    every = [kind for kind, traits in KINDS.items() if traits.group]
-    known = groups or {"topic", "service", *(stream.traits.group for stream in spec.streams)}
-    kinds = [kind for kind in every if KINDS[kind].group in known]
+    kinds = _kinds(spec, groups)
     kind = wanted.get("kind")
-    if isinstance(kind, str) and kind not in every:
-        hint = nearest(kind, kinds)
-        return f": there is no kind '{kind}'; {f'{hint} the' if hint else 'the'} kinds are {', '.join(kinds)}"
+    unknown = _unknown_kind(kind, kinds) if isinstance(kind, str) else None
+    if unknown is not None:
+        return f": {unknown}"
     if len(groups) > 1:
         words = [NOUNS[group] for group in groups]
         return f": an event is of {' or of '.join(words)}, and never of both"
