@@ -199,6 +199,24 @@ def test_too_many_are_too_many_from_the_first_message_on() -> None:
 
 
 @pytest.mark.parametrize(
+    ("duration", "bound"),
+    [
+        ("30s", "[:30s]"), ("30 s", "[:30s]"), ("2min", "[:120s]"), ("1h", "[:3600s]"), ("5us", "[:5us]"),
+        ("1 second", "[:1s]"), ("30 Seconds", "[:30s]"), ("500 milliseconds", "[:500ms]"), ("2 minutes", "[:120s]"),
+        ("1 hour", "[:3600s]"), ("3 microseconds", "[:3us]"), ("5 ticks", "[:5]"), ("5 m", "write `5min`"),
+        ("5m", "`m` is no unit of time: write `5min`"), ("5 sec", "write `5s`"), ("5 MS", "write `5ms`"),
+        ("5 millis", "write `5ms`"), ("5 days", "write `5s`, `5ms` or `5 steps`"), ("5", "a unit is missing"),
+    ],
+)  # fmt: skip
+def test_a_duration_has_a_unit_that_is_no_other(duration: str, bound: str) -> None:
+    line = f"pattern: '/goal causes /status within {duration}'"
+    if bound.startswith("["):
+        assert f"eventually{bound} " in formula_of(line)[1]
+    else:
+        assert bound in refusal_of(line)
+
+
+@pytest.mark.parametrize(
     ("sentence", "outcomes"),
     [
         ("requirement: 'when {id: 1} the robot shall at the next timepoint satisfy fresh'", "now now now"),

@@ -23,7 +23,10 @@ STEPS = ("step", "steps", "tick", "ticks")
 MOST_NESTED = 40
 """Brackets within brackets."""
 _MOST_SHOWN = 120
-_UNITS = {**UNITS, **{unit: unit for unit in NANOSECONDS}, "microsecond": "us", "millisecond": "ms"}
+_WORDS = {
+    "nanosecond": "ns", "microsecond": "us", "millisecond": "ms", "second": "s", "minute": "min", "hour": "h",
+}  # fmt: skip
+"""The units of time in words, which FRETish has in any case, and of one or of several."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,11 +179,13 @@ class Reader:
         unit = piece.text[len(digits) :] or (self.take().text if self.next.kind == "word" else "")
         if unit.lower() in STEPS:
             return self._steps(digits, piece), "steps"
-        known = _UNITS.get(unit.lower(), unit)
-        if known not in NANOSECONDS:
+        known = unit if unit in NANOSECONDS else _WORDS.get(unit.lower().removesuffix("s"))
+        if known is None:
             what = f"`{unit}` is no unit of time" if unit else "a unit is missing"
-            number = digits[:20]
-            self.refuse(f"{what}: write `{number}s`, `{number}ms` or `{number} steps`", piece)
+            small = unit.lower()
+            number, meant = digits[:20], small if small in NANOSECONDS else UNITS.get(small)
+            found = f"`{number}{meant}`" if meant else f"`{number}s`, `{number}ms` or `{number} steps`"
+            self.refuse(f"{what}: write {found}", piece)
         if len(digits) > 40:
             self.refuse("the time is too long", piece)
         exact = Fraction(digits) * NANOSECONDS[known]
