@@ -138,7 +138,8 @@ def range_at(key: str, could: Sequence[Place]) -> Range:
 
 def described(found: Range) -> str:
     """The values in words, as in "it is always …"."""
-    words = {"text": "a text", "number": "a number", "boolean": "true or false"}
+    number = "a number that is not negative" if found.positive else "a number"
+    words = {"text": "a text", "number": number, "boolean": "true or false"}
     parts = [*(_literal(v) for v in found.values[:8]), *(words[kind] for kind in sorted(found.kinds))]
     if found.whole is not None:
         least, most = found.whole

@@ -26,24 +26,28 @@ _INTEGERS = (-(2**63), 2**64 - 1)
 class Range:
     """The values that a signal can have: all of these kinds, and these ones besides, as canonical texts.
 
-    `whole` are the least and the largest of whole numbers, all of which it can have, too.
+    `whole` are the least and the largest of whole numbers, all of which it can have, too. `positive`: of all numbers
+    only those that are not negative.
     """
 
     kinds: frozenset[ValueKind] = frozenset()
     values: tuple[Scalar, ...] = ()
     whole: tuple[int, int] | None = None
+    positive: bool = False
 
     def __or__(self, other: Range) -> Range:
         """What either can have, and no whole number beyond both."""
         values = {canonical(v): v for v in (*self.values, *other.values)}
         ends = [end for found in (self.whole, other.whole) if found for end in found]
         whole = (min(ends), max(ends)) if ends else None
-        return Range(self.kinds | other.kinds, tuple(values.values()), whole)
+        positive = all(found.positive for found in (self, other) if "number" in found.kinds)
+        kinds = self.kinds | other.kinds
+        return Range(kinds, tuple(values.values()), whole, positive and "number" in kinds)
 
     @property
     def identity(self) -> tuple[object, ...]:
         """Equal for equal ranges alone: Python takes 1 and True for the same."""
-        return self.kinds, tuple(canonical(v) for v in self.values), self.whole
+        return self.kinds, tuple(canonical(v) for v in self.values), self.whole, self.positive
 
     @property
     def has_numbers(self) -> bool:
@@ -55,7 +59,12 @@ class Range:
     def numbers(self) -> Range:
         """What of it is a number."""
         values = tuple(value for value in self.values if not isinstance(value, str | bool))
-        return Range(self.kinds & {"number"}, values, self.whole)
+        return Range(self.kinds & {"number"}, values, self.whole, self.positive)
+
+    @property
+    def is_number(self) -> bool:
+        """Whether every value is a number."""
+        return self.kinds <= {"number"} and not any(isinstance(value, str | bool) for value in self.values)
 
     def meets(self, constraints: Sequence[Constraint]) -> bool:
         """Whether some value meets all constraints, which are on one signal."""
@@ -89,7 +98,7 @@ class Range:
             yield from (*filter(is_signal, texts), "".join(texts) + "…")
         numbers = [w for w in wanted if not isinstance(w, str | bool)]
         if "number" in self.kinds:
-            yield from _numbers(numbers)
+            yield from _numbers([*numbers, 0] if self.positive else numbers, positive=self.positive)
         if self.whole is not None:
             least, most = self.whole
             near = {whole + more for w in numbers for whole in (math.floor(w), math.ceil(w)) for more in (-1, 0, 1)}
@@ -98,6 +107,8 @@ class Range:
 
 ANYTHING = Range(frozenset({"text", "number", "boolean"}))
 TEXT, NUMBER, BOOLEAN = (Range(frozenset({kind})) for kind in ("text", "number", "boolean"))
+POSITIVE = Range(frozenset({"number"}), positive=True)
+"""Any number that is not negative."""
 
 
 def range_of(text: str, shape: Record | None = None, each: str | None = None) -> Range:
@@ -133,11 +144,12 @@ def range_of_field(value: Value | None) -> Range:
             return TEXT
 
 
-def _numbers(wanted: Iterable[float]) -> Iterator[Scalar]:
-    """The wanted numbers, one between each two, and one beyond each end."""
+def _numbers(wanted: Iterable[float], *, positive: bool) -> Iterator[Scalar]:
+    """The wanted numbers, one between each two, and one beyond each end; no negative one where they are `positive`."""
     marks = sorted({Fraction(w) for w in wanted}) or [Fraction(0)]
     between = [(low + high) / 2 for low, high in pairwise(marks)]
-    yield from (marks[0] - 1, *marks, *between, marks[-1] + 1)  # type: ignore[misc] # fractions compare as numbers do
+    found = (marks[0] - 1, *marks, *between, marks[-1] + 1)
+    yield from (n for n in found if n >= 0 or not positive)  # type: ignore[misc] # fractions compare as numbers do
 
 
 def _key(value: Scalar) -> tuple[str, Scalar]:

@@ -8,7 +8,7 @@ from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import result_kind
 from oracle_server.core.expression.tree import Path
-from oracle_server.core.ranges import ANYTHING, BOOLEAN, NUMBER, TEXT, Range, range_of
+from oracle_server.core.ranges import ANYTHING, BOOLEAN, NUMBER, POSITIVE, TEXT, Range, range_of
 from oracle_server.core.spec import Spec
 
 _MANY = 2**63
@@ -42,7 +42,7 @@ def _range(definition: Definition, known: Mapping[str, Range]) -> Range:
     if definition.op == "count":
         most = definition.over if definition.counted and definition.over is not None else _MANY
         return Range(whole=(0, most))
-    return NUMBER
+    return POSITIVE if definition.op in ("rate", "age") else NUMBER
 
 
 def _computed(definition: Definition, known: Mapping[str, Range]) -> Range:
