@@ -153,23 +153,27 @@ def _choices(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Itera
     compared = {fact: c for fact, c in asked.items() if isinstance(c.value, Signal)}
     values = place.range(key).telling(list(plain.values()))
     for found, number in {(tuple(meets(c, v) for c in plain.values()), not isinstance(v, str | bool)) for v in values}:
-        for orders in _orders(compared, number=number):
+        for orders in _orders(compared, place, number=number):
             for equal in product((False, True), repeat=len(joined)):
                 yield {**dict(zip((*plain, *joined), (*found, *equal), strict=True)), **orders}
     if key not in place.always:
         yield dict.fromkeys(asked, False)
 
 
-def _orders(compared: Mapping[_Fact, Constraint], *, number: bool) -> Iterator[_World]:
-    """What comparisons with other signals can come to; those with all but a few are not known."""
+def _orders(compared: Mapping[_Fact, Constraint], place: Place, *, number: bool) -> Iterator[_World]:
+    """What comparisons with other signals can come to; those with all but a few are not known.
+
+    With one that is no number each is false; where it is absent, its own constraint tells.
+    """
     if not number:
         yield dict.fromkeys(compared, False)
         return
     names = others(compared.values())[:_MOST_COMPARED]
-    for found in product(signs(), repeat=len(names)):
+    ways = [(*signs(), *(() if place.range(name).is_number else (None,))) for name in names]
+    for found in product(*ways):
         known = dict(zip(names, found, strict=True))
         yield {
-            fact: met(c, known[c.value.name])
+            fact: (sign := known[c.value.name]) is not None and met(c, sign)
             for fact, c in compared.items()
             if isinstance(c.value, Signal) and c.value.name in known
         }

@@ -11,6 +11,7 @@ from oracle_server.core.formula.tree import Any, Atom, Constraint, Signal
 from oracle_server.core.session import Session
 from oracle_server.core.spec import StreamSpec
 from oracle_server.engines.native import NativeEngine
+from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
 from tests.core.sessions import A, B, Feed, open_session, outcomes, prop
 
@@ -206,3 +207,18 @@ properties:
 
 def test_a_text_of_one_stream_does_not_refuse_the_number_of_another() -> None:
     assert warned("{v > limit}", NUMBERS, "topic: /b, signals: {v: string(msg.v), limit: msg.limit}") == []
+
+
+@pytest.mark.parametrize(
+    ("limit", "said"), [("size(msg.data) > 0 ? msg.data[0] : 'none'", 0), ("size(msg.data) > 0 ? msg.data[0] : 0", 1)]
+)
+def test_a_number_is_neither_below_nor_above_what_may_be_a_text(limit: str, said: int) -> None:
+    text = f"""id: s
+streams:
+  - {{topic: /cmd, type: geometry_msgs/msg/Twist, signals: {{v: msg.linear.x}}}}
+  - {{topic: /limit, type: std_msgs/msg/Float64MultiArray, signals: {{limit: "{limit}"}}, hold: [limit]}}
+properties:
+  - {{id: p, formula: '{{topic: /cmd, limit: *}} -> {{v <= limit}} or {{v > limit}}'}}
+"""
+    found = parse_spec(text, "s", types=Types(environment={})).warnings
+    assert ["it holds at every event" in f.message for f in found] == [True] * said
