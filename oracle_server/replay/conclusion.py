@@ -92,6 +92,15 @@ def conclude(replay: Replay) -> Conclusion:
     )
 
 
+def still_open(replay: Replay) -> list[str]:
+    """The properties of which obligations are open at the end, and how many, each in a line."""
+    return [
+        f"{name}: {counted(state['pending'], 'obligation')} still open at the end"
+        for name, state in replay.states().items()
+        if state.get("pending")
+    ]
+
+
 def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]) -> Iterator[str]:
     """What was not judged though it could have been: streams without events, signals that never were, unknown steps."""
     for key in silent(coverage):

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 from oracle_server.core.errors import one_line
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged
-from oracle_server.replay.conclusion import Conclusion, conclude
+from oracle_server.replay.conclusion import Conclusion, conclude, still_open
 from oracle_server.replay.run import Replay
 from oracle_server.replay.violated import episode_lines, violated_text
 
@@ -36,7 +36,7 @@ class JunitReport:
         wrong = {kind: sum(f"<{kind} " in case for case in cases) for kind in ("failure", "error")}
         counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="0"'
         head = f'  <testsuite name={_attribute(replay.spec.id)} tests="{len(cases)}" {counts}>\n'
-        self._suites.append(head + "".join(cases) + _said(end) + "  </testsuite>\n")
+        self._suites.append(head + "".join(cases) + _said(replay, end) + "  </testsuite>\n")
 
     def finish(self) -> None:
         """Write all suites."""
@@ -69,9 +69,10 @@ def _of_recording(replay: Replay, end: Conclusion) -> str:
     return f"{head}      <error message={_attribute(message)}>{text}</error>\n    </testcase>\n"
 
 
-def _said(end: Conclusion) -> str:
-    """What is to be known of the recording."""
-    lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.warnings, *end.remarks))
+def _said(replay: Replay, end: Conclusion) -> str:
+    """What is to be known of the recording, and what is left open."""
+    told = (*still_open(replay), *end.doubts, *end.warnings, *end.remarks)
+    lines = "\n".join(escape(one_line(text)) for text in told)
     return f"    <system-out>{lines}</system-out>\n" if lines else ""
 
 

@@ -10,7 +10,7 @@ from oracle_server.core.naming import first_name, retraction_text
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged
 from oracle_server.process.tables import print_table
-from oracle_server.replay.conclusion import conclude
+from oracle_server.replay.conclusion import conclude, still_open
 from oracle_server.replay.coverage import Coverage, because
 from oracle_server.replay.lines import retractions, violations
 from oracle_server.replay.run import Replay
@@ -56,10 +56,7 @@ class TextReport:
         end = conclude(replay)
         if self._signals:
             print_table(_SIGNALS, list(_signals(end.coverage)), self._out)
-        pending = {name: state["pending"] for name, state in summary["properties"].items() if state.get("pending")}
-        for name, count in pending.items():
-            self._write(replay, f"{name}: {counted(count, 'obligation')} still open at the end")
-        lines = [f"{name} was not judged: {reason}" for name, reason in end.unjudged.items()]
+        lines = [*still_open(replay), *(f"{name} was not judged: {reason}" for name, reason in end.unjudged.items())]
         for line in (*lines, *end.doubts, *end.remarks, *_failures(end.coverage)):
             self._write(replay, one_line(line))
 

@@ -47,6 +47,23 @@ def test_csv_has_a_row_for_each_record() -> None:
         assert row["explanation"] == (record["explanation"]["text"] if record["violation"] else "")
 
 
+@pytest.mark.parametrize("format_", ["text", "junit"])
+def test_obligations_that_are_open_at_the_end_are_told(format_: str, tmp_path: Path) -> None:
+    spec, trace = tmp_path / "spec.yaml", tmp_path / "trace.jsonl"
+    spec.write_text(
+        "id: s\nordering: {by: arrival}\nstreams: [{topic: /a, signals: {v: msg.v}}]\n"
+        "properties: [{id: answered, formula: '{v: 1} -> eventually[:60] {v: 2}'}]\n"
+    )
+    lines = [{"stream": "/a", "stamp": i, "data": {"v": v}} for i, v in enumerate((1, 2, 1, 1), start=1)]
+    trace.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    ended = run("replay", spec, trace, "--format", format_)
+    assert ended.returncode == 0
+    text = ended.stdout
+    if format_ == "junit":
+        text = ElementTree.fromstring(text).findtext("testsuite/system-out") or ""
+    assert "answered: 2 obligations still open at the end" in text.splitlines()
+
+
 def test_junit_fails_what_was_violated_and_errs_where_nothing_was_judged(odd: Path, tmp_path: Path) -> None:
     trace = tmp_path / "trace.jsonl"
     lines = [{"stream": "/a", "stamp": i, "data": {"v": v}} for i, v in enumerate((1, "NaN", 9, 2, 9), start=1)]
