@@ -104,7 +104,17 @@ def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
     if name in ("time", "now"):
         return f"{told}; an expression reads the message alone, as in msg.field"
     text = f", or '{name}' for the text" if compared else ""
+    constant = no_constant(name)
+    if constant is not None:
+        return f"{told}; {constant}{text}"
     return f"{told}; an expression reads `msg`: write `msg.{name}` for the field{text}"
+
+
+def no_constant(name: str) -> str | None:
+    """What to write for a constant of a message's type, whose name is in capital letters; None for any other name."""
+    if len(name) < 2 or not name.isupper():
+        return None
+    return f"constants of a message's type are not read: write the number that its .msg file gives for `{name}`"
 
 
 def is_foreign(name: str) -> bool:

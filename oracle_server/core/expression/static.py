@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from oracle_server.core.expression.slips import no_constant
 from oracle_server.core.nearest import nearest
 from oracle_server.core.shapes import Many, Record, Value, ValueKind
 
@@ -78,7 +79,8 @@ def described(static: Static) -> str:
 
 def no_field(record: Record, name: str) -> str:
     """What to say of a field that a message does not have."""
-    hint = nearest(name, record.fields)
+    hint = no_constant(name) or nearest(name, record.fields)
+    hint = f"{hint};" if hint and not hint.endswith("?") else hint
     return f"{described(record)} has no field `{name}`; {f'{hint} ' if hint else ''}{fields_of(record)}"
 
 

@@ -31,6 +31,8 @@ from oracle_server.core.signals import DefaultProjection, Projection
         ("data > 3", (1, 1), "write `msg.data` for the field"),
         ("mgs.data > 3", (1, 1), "did you mean `msg`?"),
         ("msg.mode == auto", (1, 13), "write `msg.auto` for the field, or 'auto' for the text"),
+        ("msg.state == IDLE", (1, 14), "the number that its .msg file gives for `IDLE`, or 'IDLE' for the text"),
+        ("STATE_IDLE > 3", (1, 1), "constants of a message's type are not read: write the number that"),
         ("msg.x^2", (1, 6), "write `msg.x * msg.x`"),
         ("(msg.x & 4) != 0", (1, 8), "whether a bit is set, here that of 4, is asked by `(msg.data / 4) % 2"),
         ("msg.x | 0x04", (1, 7), "there are no bit operators"),
