@@ -6,13 +6,11 @@ from oracle_server.core.events import Order
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.episodes import Cursor, EpisodeQuery
 from oracle_server.history.port import History
-from oracle_server.history.records import Document, PropertyStands, SessionRecord, StoredStep
-from oracle_server.history.views import said
+from oracle_server.history.records import Document, PropertyStands, SessionRecord
+from oracle_server.sessions.last import last_rows, stands_at
 
 _PAGE = 1_000
-"""Rows, or episodes, that are read at once."""
-_BACK = 20
-"""So many such pages are searched for the last row of each order: one is ahead of the other by what is held."""
+"""Episodes that are read at once."""
 _Violations = dict[tuple[str, Order], tuple[int, int]]
 
 
@@ -21,17 +19,20 @@ async def committed(history: History, record: SessionRecord, told: Document) -> 
 
     Raises `HistoryError`.
     """
-    rows, violations = await _last_rows(history, record), await _violations(history, record.number)
+    rows, violations = await last_rows(history, record), await _violations(history, record.number)
     before = {(row["id"], row["order"]): row for row in told["properties"]}
     properties = []
     for order in [record.decides, *(order for order in rows if order != record.decides)]:
         for i, name in enumerate(record.properties):
             known = before.get((name, order), {"unknown": None})
-            stands = _stands(name, rows.get(order), i, *violations.get((name, order), (0, None)))
+            last = rows[order].of(i) if order in rows else None
+            count, violated = violations.get((name, order), (0, None))
+            stands = PropertyStands(name, Outcome.UNKNOWN, count, violated, None)
+            stands = stands if last is None else stands_at(last, i, stands)
             if stands.first_violation != known.get("first_violation"):
                 known = known | await _place(history, record, stands.first_violation)
             properties.append(property_state(stands, order) | known | _told(stands))
-    steps = max((row.number or 0 for row in rows.values()), default=0)
+    steps = max((last.steps for last in rows.values()), default=0)
     return {"properties": properties, "counters": told["counters"] | {"steps": steps}}
 
 
@@ -57,27 +58,6 @@ def _told(stands: PropertyStands) -> Document:
         "violations": stands.violations,
         "pending": stands.pending,
     }
-
-
-def _stands(name: str, row: StoredStep | None, index: int, count: int, first: int | None) -> PropertyStands:
-    outcome = None if row is None else said(row, "standing").outcomes[index]
-    pending = None if row is None else row.pending.get(index)
-    return PropertyStands(name, outcome or Outcome.UNKNOWN, count, first, pending)
-
-
-async def _last_rows(history: History, record: SessionRecord) -> dict[Order, StoredStep]:
-    """The last row of each order that tells how properties stand: none that was skipped, taken back or retracted."""
-    found: dict[Order, StoredStep] = {}
-    first, last = await history.extent(record.number)
-    for upto in range(last, max(first - 1, last - _BACK * _PAGE), -_PAGE):
-        rows = [row async for page in history.steps(record.number, max(0, upto - _PAGE), upto) for row in page]
-        for row in reversed(rows):
-            stands = row.revision is None and any(said(row, "standing").outcomes)
-            if stands and (row.is_tick or row.number is not None):
-                found.setdefault(row.order, row)
-        if len(found) == 2:
-            break
-    return found
 
 
 async def _violations(history: History, number: int) -> _Violations:

@@ -10,6 +10,7 @@ from oracle_server.history.origins import origin_of, own_name
 from oracle_server.history.port import History
 from oracle_server.history.records import Document, Elsewhere, OtherSession
 from oracle_server.sessions.committed import property_state
+from oracle_server.sessions.last import standing
 from oracle_server.sessions.unrestored import bare
 from oracle_server.wire.errors import WireError
 
@@ -53,11 +54,17 @@ class Others:
     async def state(self, name: str) -> Document | None:
         """How a session stands that another server has, by what is committed; None where none has it."""
         found = await self._history.open_elsewhere(name)
-        return _state(found[0]) if found else None
+        return _state(await self._revised(found[0])) if found else None
 
     async def states(self, origin: str | None = None) -> list[Document]:
         """How all of them stand, or those that are forwarded from a robot, the newest first."""
-        return [_state(other) for other in await self._history.open_elsewhere(origin=origin)]
+        return [_state(await self._revised(other)) for other in await self._history.open_elsewhere(origin=origin)]
+
+    async def _revised(self, other: OtherSession) -> OtherSession:
+        """A session's properties by more than its last row, where late events may put verdicts right."""
+        if "revise" not in other.record.text:
+            return other
+        return other._replace(properties=await standing(self._history, other.record, other.properties))
 
 
 def _state(other: OtherSession) -> Document:

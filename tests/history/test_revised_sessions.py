@@ -17,7 +17,7 @@ from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
-from oracle_server.history.records import StoredStep, stored, stored_revision
+from oracle_server.history.records import SessionRecord, StoredStep, stored, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import View
 from oracle_server.replay.jsonl import read_lines
@@ -42,9 +42,9 @@ class Kept(Run):
         super().take(self.said[-1])
 
 
-async def write(history: History, run: Kept, rng: random.Random) -> None:
+async def write(history: History, run: Kept, rng: random.Random, record: SessionRecord | None = None) -> None:
     """Write what was said as a ledger does: what came at once together, and more with it."""
-    history.open_session(opened()._replace(begun=START))
+    history.open_session((record or opened())._replace(begun=START))
     position, waiting = 0, list[Judged]()
     for said in run.said:
         waiting += said

@@ -13,7 +13,7 @@ from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import SessionRecord
 from oracle_server.jobs.frames import Failed, Rows, Started, Task
 from oracle_server.jobs.judging import judge
-from oracle_server.sessions import committed as module
+from oracle_server.sessions import last as module
 from oracle_server.sessions.committed import committed
 from oracle_server.sessions.unrestored import bare
 from oracle_server.specfiles.load import parse_spec
@@ -44,7 +44,7 @@ def judged(name: str, folder: Path, count: int) -> tuple[str, list[Any]]:
 async def test_it_stands_as_it_was_judged(
     page: int, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "_PAGE", page)
+    monkeypatch.setattr(module, "_PAGES", [page] * 100)
     text, told = await asyncio.to_thread(judged, name, tmp_path, 41)
     spec = parse_spec(text, "spec").spec
     (started,) = [frame for frame in told if isinstance(frame, Started)]

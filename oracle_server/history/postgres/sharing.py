@@ -30,7 +30,8 @@ OTHERS_OPEN = (
 FROM sessions s LEFT JOIN owners o ON o.session = s.number LEFT JOIN nodes n ON n.node = o.node
 LEFT JOIN LATERAL (
     SELECT position, standing, outcomes, pending FROM steps
-    WHERE session = s.number AND ord = s.decides AND revision IS NULL ORDER BY position DESC LIMIT 1
+    WHERE session = s.number AND ord = s.decides AND revision IS NULL AND (stream = '' OR number > 0)
+    ORDER BY position DESC LIMIT 1
 ) AS last ON true
 LEFT JOIN LATERAL (
     SELECT json_object_agg(property, json_build_array(violations, first)) AS told FROM (

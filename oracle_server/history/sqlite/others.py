@@ -24,7 +24,8 @@ OPEN = (
     (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number)
 FROM sessions s LEFT JOIN steps last ON last.session = s.number AND last.position = (
     SELECT position FROM steps
-    WHERE session = s.number AND ord = s.decides AND revision IS NULL ORDER BY position DESC LIMIT 1
+    WHERE session = s.number AND ord = s.decides AND revision IS NULL AND (stream = '' OR number > 0)
+    ORDER BY position DESC LIMIT 1
 )
 WHERE s.closed IS NULL AND (?1 IS NULL OR s.id = ?1) AND (?2 IS NULL OR substr(s.id, -length(?2)) = ?2)
     AND (s.id LIKE '%@%' OR NOT ?3) ORDER BY s.number DESC LIMIT 1000
