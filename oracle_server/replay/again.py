@@ -35,7 +35,7 @@ class Again:
     def judge(self, position: int, place: Place, step: Step) -> list[Judged]:
         """Judge a row that was expected."""
         session = self._session
-        self._last = position
+        before, self._last = self._last, position
         self._waiting.discard(position)
         if place.order not in session.judges:
             raise TraceError(
@@ -47,6 +47,11 @@ class Again:
             raise TraceError(
                 f"the session's first steps are not in the recording, which begins with step {position}, so that its "
                 "verdicts would differ; use --by to judge the recorded events afresh"
+            )
+        if position > before + 1 and self._recurring is None:  # else revisions have numbers of their own
+            raise TraceError(
+                f"steps {before + 1} to {position - 1} of the session are not in the recording, so that its verdicts "
+                "would differ; use --by to judge the recorded events afresh"
             )
         self._begun = True
         bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]

@@ -126,6 +126,16 @@ async def test_a_trace_whose_first_event_lacks_an_order_is_refused_in_words(tmp_
         judge(write_spec(tmp_path, SPEC.replace("LATE", "judge").replace("BY", "both")), path)
 
 
+@pytest.mark.parametrize("by", ["arrival", "both"])
+async def test_a_trace_that_lacks_steps_in_its_midst_is_refused_in_words(tmp_path: Path, by: str) -> None:
+    """A robot that was full before its centre was there again has let go of some."""
+    _, _, lines = await judged(tmp_path / "live", by, "judge", MemoryHistory(), restarted=False, saved=False)
+    path = tmp_path / "own.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in [*lines[:3], *lines[5:]]))
+    with pytest.raises(TraceError, match=r"steps \d+ to \d+ of the session are not in the recording, .* use --by"):
+        judge(write_spec(tmp_path, SPEC.replace("LATE", "judge").replace("BY", by)), path)
+
+
 async def test_no_part_of_an_event_is_kept_while_its_other_rows_wait(tmp_path: Path) -> None:
     """A restart would take the event for judged, and the other rows would be lost."""
     async with asyncio.timeout(PATIENCE):
