@@ -70,3 +70,14 @@ async def test_what_was_skipped_or_taken_back_tells_of_no_property(backend: str,
     (other,) = await history.open_elsewhere(NAME)
     await asyncio.to_thread(history.close)
     assert [p.outcome for p in other.properties] == [Outcome.CURRENTLY_TRUE] * 2
+
+
+async def test_all_that_are_open_are_told_of(make: Make) -> None:
+    history = make("sqlite")
+    history.start(asyncio.get_running_loop())
+    for number in range(1, 1_102):
+        history.open_session(opened(number, f"s{number}@robot"))
+    await history.flush()
+    found = await history.open_elsewhere(origin="robot")
+    await asyncio.to_thread(history.close)
+    assert [other.record.number for other in found] == [*range(1_101, 0, -1)], "the oldest, too"

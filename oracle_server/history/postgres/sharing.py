@@ -44,7 +44,7 @@ LEFT JOIN LATERAL (
 ) AS m ON true
 WHERE s.closed IS NULL AND (s.id = ?2::text OR (?2::text IS NULL AND o.node IS DISTINCT FROM ?1))
     AND (?3::text IS NULL OR right(s.id, length(?3::text)) = ?3::text)
-ORDER BY s.number DESC LIMIT 1000
+ORDER BY s.number DESC
 """
 )
 WHERE_IS = (

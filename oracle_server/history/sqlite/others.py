@@ -28,7 +28,7 @@ FROM sessions s LEFT JOIN steps last ON last.session = s.number AND last.positio
     ORDER BY position DESC LIMIT 1
 )
 WHERE s.closed IS NULL AND (?1 IS NULL OR s.id = ?1) AND (?2 IS NULL OR substr(s.id, -length(?2)) = ?2)
-    AND (s.id LIKE '%@%' OR NOT ?3) ORDER BY s.number DESC LIMIT 1000
+    AND (s.id LIKE '%@%' OR NOT ?3) ORDER BY s.number DESC
 """
 )
 """All that are open, the one of a name, those of a robot by how their names end, or those of robots alone."""
