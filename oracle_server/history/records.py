@@ -67,7 +67,10 @@ class Forwarding(NamedTuple):
 
 
 class Free(NamedTuple):
-    """Up to which position the centre has a session's steps as they are; `more`: something of it is not there yet."""
+    """Up to which position the centre has a session's steps as they are, and what is deleted with them.
+
+    `more`: something of it is not there yet.
+    """
 
     session: int
     position: int

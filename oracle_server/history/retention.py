@@ -262,7 +262,8 @@ def _hold_back(sessions: Iterable[_Candidate], free: Mapping[int, Free], full: b
         lost = session.cut - max(0, upto)
         if lost > 0:
             log.error(
-                "steps are deleted that are not forwarded yet: the history has the size up to which they are held",
+                "steps are deleted that are not forwarded yet, or whose episodes are not: the history has the size up "
+                "to which they are held",
                 session=extent.number, steps=lost,
             )  # fmt: skip
 

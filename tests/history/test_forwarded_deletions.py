@@ -9,13 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from oracle_server.core.episode import Episode
 from oracle_server.core.spec import Retention
+from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.retention import Hold, Pruner
 from oracle_server.history.sqlite.history import NAME
 from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, brought, names, robot
-from tests.history.making import add, opened, step
+from tests.history.making import PROPERTIES, add, opened, step
 from tests.postgres import Postgres
 
 
@@ -27,10 +29,10 @@ async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
         noted = history.forwarding
         assert noted is not None
         history.open_session(opened(1, "one"))
-        await add(history, *(step(p) for p in range(1, 41)))
+        await add(history, *(step(p) for p in range(1, 31)))
         history.close_session(1, 1, {"id": "one", "trouble": None})
         history.open_session(opened(2, "two"))
-        await add(history, *(step(p) for p in range(1, 41)), session=2)
+        await add(history, *(step(p) for p in range(1, 31)), session=2)
         history.close_session(2, 2, {"id": "two", "trouble": None})
         await history.flush()
 
@@ -38,13 +40,13 @@ async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
             return Pruner(history, Retention(events=5), dict, lambda: 0, lambda _: None, Hold(noted.free, most))
 
         await pruner(10**9).prune()
-        assert [await history.extent(n) for n in (1, 2)] == [(1, 40), (1, 40)]
-        await brought(history, url, bringing, 30, once=True)
+        assert [await history.extent(n) for n in (1, 2)] == [(1, 30), (1, 30)]
+        await brought(history, url, bringing, 20, once=True)
         await pruner(10**9).prune()
-        assert [await history.extent(n) for n in (1, 2)] == [(31, 40), (1, 40)]
+        assert [await history.extent(n) for n in (1, 2)] == [(21, 30), (1, 30)]
         assert "not forwarded yet" not in capsys.readouterr().out
         await pruner(1).prune()
-        assert await history.extent(1) == (40, 40)
+        assert await history.extent(1) == (30, 30)
         assert "steps are deleted that are not forwarded yet" in capsys.readouterr().out
         told = await brought(history, url, bringing)
         bringing.close()
@@ -52,13 +54,44 @@ async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
         assert await history.session(1) is None  # all of it is there now
         rows = at_the_centre(url)
         of_one = [row for row in rows["steps"] if row[0] == 1]
-        assert sorted(row[1] for row in of_one) == [*range(1, 31), 40]
+        assert sorted(row[1] for row in of_one) == [*range(1, 21), 30]
     centre = PostgresHistory(url)
     state = await centre.closed_state(f"one@{ORIGIN}")
     assert state is not None
-    assert "31 to 39 are missing" in state["trouble"]
+    assert "21 to 29 are missing" in state["trouble"]
     assert told.left == 0
     await asyncio.to_thread(centre.close)
+
+
+@pytest.mark.parametrize("full", [False, True])
+async def test_what_is_told_of_brought_steps_is_held_as_they_are(
+    full: bool, postgres: Postgres, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Steps are brought first: episodes and blocks of a backlog come behind all of them."""
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        noted = history.forwarding
+        assert noted is not None
+        history.open_session(opened())
+        for first in range(1, 401, 40):
+            n = len(PROPERTIES) * (first + 9) + 1
+            episode = StoredEpisode("p", "publication", Episode(n, 5, n, 7, open=False, final=False, count=3), "why")
+            history.append(1, [step(p) for p in range(first, first + 40)], lambda: None, (), [episode])
+        history.close_session(1, 1, {"id": "s", "trouble": None})
+        await history.flush()
+        kept = at_the_robot(tmp_path)
+        assert len(kept["blocks"]) > 12
+        hold = Hold(noted.free, 1 if full else 10**9)
+        pruner = Pruner(history, Retention(events=5), dict, lambda: 0, lambda _: None, hold)
+        left = 1
+        while left:
+            left = (await brought(history, url, bringing, 100, once=True)).left
+            await pruner.prune()
+        bringing.close()
+        assert await history.extent(1) == (396, 400)
+    there = at_the_centre(url)
+    lost = [table for table in ("steps", "episodes", "blocks") if there[table] != kept[table]]
+    assert bool(lost) is ("or whose episodes are not" in capsys.readouterr().out) is full
 
 
 async def test_what_is_deleted_is_noted_no_longer(tmp_path: Path) -> None:

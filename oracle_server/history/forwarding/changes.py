@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import secrets
 
+from oracle_server.history.blocks import LEVELS, positions
 from oracle_server.history.copying.tables import tables
 from oracle_server.history.sql.database import Database
 
@@ -60,14 +61,20 @@ REACHED = (
     "INSERT INTO forwarded VALUES (?, ?) ON CONFLICT (session) DO UPDATE SET position = excluded.position "
     "WHERE excluded.position > forwarded.position"
 )
-FREE = """
+_WIDTHS = " ".join(f"WHEN {level} THEN {positions(level)}" for level in range(LEVELS))
+FREE = f"""
 SELECT s.number, coalesce(f.position, 0),
-    (SELECT min(a) FROM changes WHERE name = 'steps' AND session = s.number),
+    (SELECT min(a) - 1 FROM changes WHERE name = 'steps' AND session = s.number),
+    (SELECT min(b * CASE a {_WIDTHS} END) FROM changes WHERE name = 'blocks' AND session = s.number),
+    (SELECT min((e.last - 1) / json_array_length(s.properties))
+        FROM changes c JOIN episodes e ON e.session = c.session AND e.property = c.a AND e.first = c.b
+        WHERE c.name = 'episodes' AND c.session = s.number AND NOT e.open),
     EXISTS (SELECT 1 FROM changes WHERE session = s.number
         AND name IN ('sessions', 'steps', 'blocks', 'episodes', 'refused', 'monitors', 'gone'))
 FROM sessions s LEFT JOIN forwarded f ON f.session = s.number
-"""
-"""Of each session the last step that the centre has, the first one that changed since, and whether anything did."""
+"""  # noqa: S608 -- no value is in it
+"""Of each session the last step that the centre has; the last one that can be deleted without what has changed since:
+steps, blocks, and episodes that have ended; and whether anything has."""
 FORGET_SESSION = "DELETE FROM changes WHERE session = ?"
 LAST_NUMBER = "SELECT max(coalesce(max(number), 0), coalesce((SELECT max(session) FROM forwarded), 0)) FROM sessions"
 """Numbers of sessions that the centre has are never given again."""

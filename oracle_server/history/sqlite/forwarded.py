@@ -42,12 +42,12 @@ class SqliteForwarding:
         await self._writer.flush()
 
     async def free(self) -> list[Free]:
-        """What of each session the centre has. Raises `HistoryError`."""
+        """What of each session may be deleted, since the centre has it. Raises `HistoryError`."""
 
         def read(reader: Database) -> list[Free]:
             rows = reader.execute(changes.FREE).fetchall()
             return [
-                Free(n, at if changed is None else min(at, changed - 1), bool(more)) for n, at, changed, more in rows
+                Free(number, min(at for at in known if at is not None), bool(more)) for number, *known, more in rows
             ]
 
         return await self._reader.run(read)
