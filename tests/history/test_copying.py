@@ -74,8 +74,11 @@ while True:
 """A copy by small pages, which is killed at its sixth statement, goes on, is killed at its eleventh, and so on."""
 
 
-async def fill(history: History) -> None:
-    """Have some of everything in a history: a row in each table, a value in each column."""
+async def fill(history: History, *, forgetful: bool = False) -> None:
+    """Have some of everything in a history: a row in each table, a value in each column.
+
+    Unless it is `forgetful` nothing of it was deleted.
+    """
     history.start(asyncio.get_running_loop())
     for number, name in enumerate(("one", STRANGE, "three"), 1):
         history.open_session(opened(number, name, private=number == 2)._replace(by="arrival", text=STRANGE))
@@ -104,6 +107,8 @@ async def fill(history: History) -> None:
         numbers = {"B": {STRANGE: 2**53}}
         history.save_snapshot(number, SnapshotRecord(12, {"text": [STRANGE, 0.1, None]}, 4, numbers))
     history.close_session(3, 2**62, {"id": "three", "text": STRANGE})
+    if forgetful:
+        await history.forget_steps(3, 6)
     await history.flush()
     await asyncio.to_thread(history.close)
 
@@ -126,7 +131,7 @@ async def test_a_history_that_goes_to_postgresql_and_back_is_the_same(
     monkeypatch.setattr(run, "_ROWS", 100)
     monkeypatch.setattr(run, "_CHARACTERS", 30_000)
     url, back = postgres.empty(), tmp_path / "back.sqlite"
-    await fill(SqliteHistory(tmp_path))
+    await fill(SqliteHistory(tmp_path), forgetful=True)
     there = copied(SqliteEnd(str(tmp_path), source=True), PostgresEnd(url))
     again = copied(PostgresEnd(url), SqliteEnd(str(back), source=False))
     rows = everything(SqliteEnd(str(tmp_path / "history.sqlite"), source=True))

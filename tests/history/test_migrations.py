@@ -22,11 +22,11 @@ from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
-NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: "row", 9: "row", 10: "row"}
+NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: "row", 9: "row", 10: "row", 11: None}
 """By their formats: the first column of steps that they had not, if any; nor had they those behind it."""
 LATER = {"sessions": ("decides", "kind"), "monitors": ("left_at",)}
 """Columns of other tables that formats had from this one on."""
-WITH_LATER = 9
+WITH_LATER, WITH_ROWS = 9, 11
 
 
 async def written(folder: Path, version: int, *more: SessionRecord) -> SqliteHistory:
@@ -44,17 +44,19 @@ async def written(folder: Path, version: int, *more: SessionRecord) -> SqliteHis
         await add(older, msgspec.structs.replace(step(1), order=session.decides), session=session.number)
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
+        database.execute("DROP TABLE forgotten")
         first = NEWER[version]
         missing = {
             "steps": STEP_COLUMNS[STEP_COLUMNS.index(first) :] if first else (),
             **(LATER if version < WITH_LATER else {}),
         }
-        database.execute("DROP INDEX steps_by_seq")
-        database.execute("CREATE UNIQUE INDEX steps_by_seq ON steps (session, monitor, seq, ord)")
+        if version < WITH_ROWS:
+            database.execute("DROP INDEX steps_by_seq")
+            database.execute("CREATE UNIQUE INDEX steps_by_seq ON steps (session, monitor, seq, ord)")
+            database.execute("DROP TABLE episodes")
         for table, columns in missing.items():
             for column in columns:
                 database.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
-        database.execute("DROP TABLE episodes")
         if version < WITH_LATER:
             database.execute("DROP TABLE blocks")
         database.execute(f"PRAGMA user_version = {version}")

@@ -23,6 +23,7 @@ from oracle_server.history.postgres.connection import Connection
 from oracle_server.history.postgres.schema import prepare
 from oracle_server.history.sql.rows import Row, text
 from oracle_server.history.sql.schema import VERSION, FormatError
+from oracle_server.history.sql.statements import upsert
 
 _PATIENCE = 60.0
 """Seconds for an answer: a robot's network may be slow."""
@@ -54,6 +55,11 @@ _THERE = "SELECT number FROM sessions WHERE number = ANY(?::bigint[])"
 _FIRST_OF = "DELETE FROM steps WHERE session = ? AND position BETWEEN ? AND ?"
 _REPLACED = "DELETE FROM steps WHERE session = ? AND position = ANY(?::bigint[]) RETURNING position"
 _SESSION = "DELETE FROM sessions WHERE number = ? RETURNING id"
+_COUNTED = BY_NAME["forgotten"]
+_COUNT = (
+    upsert(_COUNTED.name, _COUNTED.columns, _COUNTED.columns[: _COUNTED.keys]) + " WHERE excluded.upto > forgotten.upto"
+)
+"""What each has deleted may be more than what the other has."""
 _BEFORE = "SELECT coalesce(max(position), 0) FROM steps WHERE session = ? AND position < ?"
 
 _decode = msgspec.json.decode
@@ -198,6 +204,9 @@ class Centre:
             found = self._database.execute(_REPLACED, (place.session, positions)).fetchall()
             kept = {position for (position,) in found}
             rows = [(place.session, *row[1:]) for row in rows if row[1] in kept]
+        elif table == _COUNTED:
+            self._database.executemany(_COUNT, [(place.session, *row[1:]) for row in rows])
+            rows = []
         else:
             where = " AND ".join(f"{name} = ?" for name in table.columns[: table.keys])
             keys = [(place.session, *change.key[1:]) for change in changes]

@@ -70,7 +70,7 @@ SELECT s.number, coalesce(f.position, 0),
         FROM changes c JOIN episodes e ON e.session = c.session AND e.property = c.a AND e.first = c.b
         WHERE c.name = 'episodes' AND c.session = s.number AND NOT e.open),
     EXISTS (SELECT 1 FROM changes WHERE session = s.number
-        AND name IN ('sessions', 'steps', 'blocks', 'episodes', 'refused', 'monitors', 'gone'))
+        AND name IN ('sessions', 'steps', 'blocks', 'episodes', 'forgotten', 'refused', 'monitors', 'gone'))
 FROM sessions s LEFT JOIN forwarded f ON f.session = s.number
 """  # noqa: S608 -- no value is in it
 """Of each session the last step that the centre has; the last one that can be deleted without what has changed since:

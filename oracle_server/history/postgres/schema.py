@@ -13,6 +13,7 @@ FIRST = 10
 """The first format that was ever kept in PostgreSQL."""
 _STEPS = {
     10: "ALTER TABLE steps ADD COLUMN IF NOT EXISTS row BIGINT; DROP INDEX IF EXISTS steps_by_seq;",
+    11: "",  # tables that are new are made for all
 }
 """By the version that they start from: statements that lead to the next one."""
 _LOCK = 7_215_642_218

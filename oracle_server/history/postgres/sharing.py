@@ -6,6 +6,7 @@ only where that node's lease has run out by the database's clock, in a transacti
 
 from __future__ import annotations
 
+from oracle_server.history.sql.episodes import VIOLATIONS
 from oracle_server.history.sql.schema import SESSION_COLUMNS
 
 _COLUMNS = ",".join(f"s.{name}" for name in SESSION_COLUMNS)
@@ -25,7 +26,7 @@ OWN_OPEN = (
 )
 OTHERS_OPEN = (
     f"SELECT {_COLUMNS}, o.node, n.url, coalesce(n.until > clock_timestamp(), false), "  # noqa: S608
-    """
+    f"""
     coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending, e.told::text, m.them::text
 FROM sessions s LEFT JOIN owners o ON o.session = s.number LEFT JOIN nodes n ON n.node = o.node
 LEFT JOIN LATERAL (
@@ -34,10 +35,7 @@ LEFT JOIN LATERAL (
     ORDER BY position DESC LIMIT 1
 ) AS last ON true
 LEFT JOIN LATERAL (
-    SELECT json_object_agg(property, json_build_array(violations, first)) AS told FROM (
-        SELECT property, sum(count)::bigint AS violations, min(first) AS first FROM episodes
-        WHERE session = s.number AND ord = s.decides GROUP BY property
-    ) AS each
+    SELECT json_object_agg(property, json_build_array(violations, first)) AS told FROM ({VIOLATIONS}) AS each
 ) AS e ON true
 LEFT JOIN LATERAL (
     SELECT json_agg(json_build_array(name, attached > 0, clock)) AS them FROM monitors WHERE session = s.number

@@ -32,11 +32,35 @@ DELETE FROM episodes WHERE (session, property, first) IN
 """Forget episodes of which nothing stands any more, given as one text."""
 END = "UPDATE episodes SET open = false WHERE session = ? AND open"
 """Have none of a session open: it is closed."""
-FORGET = """
-DELETE FROM episodes WHERE session = ?1 AND NOT open AND last <=
+_ENDED = """
+session = ?1 AND NOT open AND last <=
     (?2 - 1) * (SELECT json_array_length(properties) FROM sessions WHERE number = ?1)
 """
+_UPTO = (
+    "coalesce((SELECT upto FROM forgotten f WHERE f.session = e.session AND f.property = e.property AND f.ord = e.ord)"
+    ", 0)"
+)
+COUNT = f"""
+INSERT INTO forgotten (session, property, ord, upto, count, first)
+SELECT session, property, ord, max(first), sum(count), min(first) FROM episodes e
+WHERE {_ENDED} AND first > {_UPTO} GROUP BY session, property, ord
+ON CONFLICT (session, property, ord) DO UPDATE SET upto = excluded.upto, count = forgotten.count + excluded.count
+"""  # noqa: S608 -- no value is in it
+"""Keep what those tell of violations that have ended before a position of a session, for them to be forgotten.
+
+Those of a property follow each other: one that is brought or kept again is not counted twice.
+"""
+FORGET = f"DELETE FROM episodes WHERE {_ENDED}"  # noqa: S608
 """Forget those that have ended before a position of a session."""
+VIOLATIONS = f"""
+SELECT property, sum(count) AS violations, min(first) AS first FROM (
+    SELECT property, count, first FROM forgotten WHERE session = s.number AND ord = s.decides
+    UNION ALL
+    SELECT property, count, first FROM episodes e
+    WHERE session = s.number AND ord = s.decides AND first > {_UPTO}
+) AS counted GROUP BY property
+"""  # noqa: S608
+"""How many violations each property of a session `s` has had in the order that decides, and the first one's number."""
 _COLUMNS = (
     "e.session, s.id, s.spec, e.property, e.ord, e.first, e.began, e.last, e.until, e.open, e.final, e.count, e.worst, "
     "e.explanation"

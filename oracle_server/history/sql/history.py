@@ -32,7 +32,7 @@ from oracle_server.history.sql.batch import OF_ONE, REFUSED, Work, restating
 from oracle_server.history.sql.blocks import forgetting
 from oracle_server.history.sql.catching import catch_up
 from oracle_server.history.sql.database import Database, Store
-from oracle_server.history.sql.episodes import END, FORGET, keeping, read
+from oracle_server.history.sql.episodes import COUNT, END, FORGET, keeping, read
 from oracle_server.history.sql.origins import of_origin
 from oracle_server.history.sql.reader import Reader
 from oracle_server.history.sql.refusals import needless, refusals
@@ -204,7 +204,8 @@ class SqlHistory:
 
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
-        self._execute(session, FORGET, lambda: (session, before), needed=False, always=True)
+        for sql in (COUNT, FORGET):
+            self._execute(session, sql, lambda: (session, before), needed=False, always=True)
         for sql, values in forgetting(session, before):
             self._writer.add(Work(session, sql, values, always=True))
         await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from oracle_server.core.errors import HistoryError
 
-VERSION = 11
+VERSION = 12
 UNFINISHED = -VERSION
 """Instead of it while not all of another history is copied into this one: no server may begin with a part."""
 
@@ -110,6 +110,15 @@ CREATE TABLE IF NOT EXISTS episodes (
 CREATE INDEX IF NOT EXISTS episodes_by_time ON episodes (began, session, property, first);
 CREATE INDEX IF NOT EXISTS episodes_of ON episodes (session, property, began, open, final);
 CREATE INDEX IF NOT EXISTS episodes_open ON episodes (began, session, property, first) WHERE open;
+CREATE TABLE IF NOT EXISTS forgotten (  -- by retention, of what episodes tell
+    session INTEGER NOT NULL,
+    property TEXT NOT NULL,      -- its id
+    ord TEXT NOT NULL,
+    upto INTEGER NOT NULL,       -- `first` of the last episode that was deleted
+    count INTEGER NOT NULL,      -- violations of all episodes up to that one
+    first INTEGER NOT NULL,      -- the number of the first of these
+    PRIMARY KEY (session, property, ord)
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS monitors (
     session INTEGER NOT NULL,
     name TEXT NOT NULL,

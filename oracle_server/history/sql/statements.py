@@ -33,8 +33,8 @@ KEPT = (
     "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
 )
 OF_A_SESSION = (
-    ("steps", "session"), ("blocks", "session"), ("episodes", "session"), ("refused", "session"),
-    ("monitors", "session"), ("snapshots", "session"), ("sessions", "number"),
+    ("steps", "session"), ("blocks", "session"), ("episodes", "session"), ("forgotten", "session"),
+    ("refused", "session"), ("monitors", "session"), ("snapshots", "session"), ("sessions", "number"),
 )  # fmt: skip
 """The tables that have rows of a session, and their columns with its number; itself at last."""
 SIZE = (

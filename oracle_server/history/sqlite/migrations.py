@@ -39,6 +39,7 @@ _STEPS = {
     "ALTER TABLE monitors ADD COLUMN left_at INTEGER;",
     9: "",  # the table of episodes is new, and is filled by `remake`
     10: "ALTER TABLE steps ADD COLUMN row INTEGER; DROP INDEX IF EXISTS steps_by_seq;",
+    11: "",  # the table of what is forgotten is new
 }
 """By the version that they start from: statements that lead to the next one."""
 _EPISODES = 10

@@ -9,18 +9,16 @@ import msgspec
 
 from oracle_server.history.origins import copied_text, forwarded_name, origin_of
 from oracle_server.history.records import Elsewhere, OtherSession
+from oracle_server.history.sql.episodes import VIOLATIONS
 from oracle_server.history.sql.rows import Row, session_of
 from oracle_server.history.sql.schema import SESSION_COLUMNS
 from oracle_server.history.sql.standing import stands
 
 OPEN = (
     f"SELECT {','.join(f's.{name}' for name in SESSION_COLUMNS)}, "  # noqa: S608 -- no value is in it
-    """
+    f"""
     coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending,
-    (SELECT json_group_object(property, json_array(violations, first)) FROM (
-        SELECT property, sum(count) AS violations, min(first) AS first FROM episodes
-        WHERE session = s.number AND ord = s.decides GROUP BY property
-    )),
+    (SELECT json_group_object(property, json_array(violations, first)) FROM ({VIOLATIONS})),
     (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number)
 FROM sessions s LEFT JOIN steps last ON last.session = s.number AND last.position = (
     SELECT position FROM steps
