@@ -128,6 +128,8 @@ class Forwarding:
         progress.lost += told.lost
         if told.lost:
             log.error("the centre lacks steps that were deleted before they were forwarded", steps=told.lost)
+        if told.dropped:
+            log.warning("the centre has deleted sessions, and takes no more of them", steps=told.dropped)
         self._rows, self._pause = min(_ROWS, self._rows * 2), _RETRY
 
     def _failed(self, reason: str) -> float:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
+import time
 from contextlib import closing
 from pathlib import Path
 
+import psycopg
 import pytest
 
 from oracle_server.core.episode import Episode
 from oracle_server.core.spec import Retention
+from oracle_server.history.copying.tables import tables
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
@@ -167,8 +170,66 @@ async def test_what_the_centre_has_deleted_stays_deleted(postgres: Postgres, tmp
         for number in (1, 2):
             history.amend(number, "m", 3, (True, "why"), lambda: None)
             await add(history, step(50), session=number)
-        await brought(history, url, bringing)
+        told = await brought(history, url, bringing)
         bringing.close()
+        assert (told.lost, told.dropped) == (0, 1)
         assert await centre.session(1) is None
         assert [await centre.extent(n) for n in (1, 2)] == [(1, 0), (10, 50)]
         await asyncio.to_thread(centre.close)
+
+
+def counted(postgres: Postgres, url: str) -> dict[str, object]:
+    """How many rows there are of sessions, in the tables that have any; servers may use them."""
+    counts = {t.name: postgres.do(f"SELECT count(*) FROM {t.name}", url)[0][0] for t in tables()}
+    return {name: count for name, count in counts.items() if count}
+
+
+async def test_what_was_closed_long_ago_is_as_old_as_it_is_at_the_centre(postgres: Postgres, tmp_path: Path) -> None:
+    """A robot was offline for a month: its session is kept for as long as any other, from when all of it is there."""
+    url, bringing, day = postgres.empty(), Bringing(), 24 * 3600 * 10**9
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+
+    async def pruned(days: int) -> None:
+        now = time.time_ns() + days * day
+        await Pruner(centre, Retention(30 * day), dict, lambda: now, lambda _: None).prune()
+
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        await add(history, *(step(p, violated=[0]) for p in range(1, 101)))
+        history.close_session(1, time.time_ns() - 31 * day, {"id": "s", "continued_by": None})
+        await history.flush()
+        left = 1
+        while left:
+            told = await brought(history, url, bringing, 30, once=True)
+            left = told.left
+            assert (told.lost, told.dropped) == (0, 0)
+            await pruned(0)
+            await pruned(29)
+        bringing.close()
+    assert counted(postgres, url) == {"sessions": 1, "steps": 100, "blocks": 3}
+    await pruned(31)
+    assert counted(postgres, url) == {}
+    await asyncio.to_thread(centre.close)
+
+
+async def test_a_session_is_deleted_as_a_whole_or_later(postgres: Postgres, tmp_path: Path) -> None:
+    """A robot brings something of it: nothing is deleted meanwhile, and no server waits for the robot."""
+    url, bringing = postgres.empty(), Bringing()
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        await add(history, *(step(p) for p in range(1, 41)))
+        await brought(history, url, bringing)
+        bringing.close()
+        there = counted(postgres, url)
+        ((number,),) = postgres.do("SELECT number FROM sessions", url)
+        assert isinstance(number, int)
+        with psycopg.connect(url) as raw:
+            raw.execute(f"SELECT 1 FROM sessions WHERE number = {number} FOR UPDATE")
+            await centre.forget_session(number)
+        assert counted(postgres, url) == there == {"sessions": 1, "steps": 40, "blocks": 1}
+        await centre.forget_session(number)
+        assert counted(postgres, url) == {}
+    await asyncio.to_thread(centre.close)

@@ -51,7 +51,12 @@ _NUMBER = "SELECT nextval('session_numbers')"
 _TAKEN = "SELECT 1 FROM sessions WHERE id = ?"
 _NEW = "INSERT INTO forwarded (session, origin, robot, number, position, gaps) VALUES (?, ?, ?, ?, 0, '[]')"
 _REACHED = "UPDATE forwarded SET position = ?, gaps = ? WHERE session = ?"
-_THERE = "SELECT number FROM sessions WHERE number = ANY(?::bigint[])"
+_THERE = "SELECT number FROM sessions WHERE number = ANY(?::bigint[]) ORDER BY number FOR UPDATE"
+"""No server deletes them meanwhile."""
+_ENDED = """
+UPDATE forwarded SET ended = (extract(epoch FROM clock_timestamp()) * 1000000000)::bigint
+WHERE session = ? AND ended IS NULL
+"""
 _FIRST_OF = "DELETE FROM steps WHERE session = ? AND position BETWEEN ? AND ?"
 _REPLACED = "DELETE FROM steps WHERE session = ? AND position = ANY(?::bigint[]) RETURNING position"
 _SESSION = "DELETE FROM sessions WHERE number = ? RETURNING id"
@@ -62,6 +67,9 @@ _COUNT = (
 """What each has deleted may be more than what the other has."""
 _BEFORE = "SELECT coalesce(max(position), 0) FROM steps WHERE session = ? AND position < ?"
 
+_AT_ITS_END = ("closed", "state")
+_CLOSED = BY_NAME["sessions"].columns.index("closed")
+
 _decode = msgspec.json.decode
 
 
@@ -71,6 +79,13 @@ class _Place(NamedTuple):
     session: int
     position: int
     gaps: list[tuple[int, int]]
+
+
+class Wrote(NamedTuple):
+    """How many steps are missing before those that are new, and how many are of sessions that were deleted here."""
+
+    lost: int = 0
+    dropped: int = 0
 
 
 class Centre:
@@ -119,8 +134,8 @@ class Centre:
     def _fenced(self) -> HistoryError:
         return HistoryError(f"another process forwards this history as '{self._origin}'")
 
-    def write(self, chunk: Chunk) -> int:
-        """Write what a robot has, and how far it is; returns how many steps are missing before those that are new."""
+    def write(self, chunk: Chunk) -> Wrote:
+        """Write what a robot has, and how far it is."""
         self._database.execute("BEGIN")
         held: Any = self._database.execute(_HOLD, (chunk.seq, self._origin, self._robot, self._writer))
         if held.rowcount != 1:
@@ -128,17 +143,18 @@ class Centre:
         places = self.places | {number: self._begin(row) for number, row in chunk.sessions.items()}
         names = {page.session for page in chunk.pages} | {change.key[0] for change in chunk.changes}
         there = self._there(places[number].session for number in names)
-        lost = 0
+        lost = dropped = 0
         for page in chunk.pages:
             was = places[page.session]
             places[page.session] = self._append(was, page, there=was.session in there)
             lost += _missing(places[page.session]) - _missing(was)
+            dropped += 0 if was.session in there else len(page.rows)
         for (table, number), changes in _grouped(chunk.changes).items():
             if places[number].session in there:
                 self._replace(BY_NAME[table], places[number], changes)
         self._database.commit()
         self.places, self.seq, self._heard = places, chunk.seq, time.monotonic()
-        return lost
+        return Wrote(lost, dropped)
 
     def close(self) -> None:
         """Let go of it."""
@@ -160,8 +176,12 @@ class Centre:
         return None if found is None else int(found[0])
 
     def _begin(self, row: Row) -> _Place:
-        """Have a session there, by a number and a name that are free."""
+        """Have a session there, by a number and a name that are free.
+
+        It is open there until its end comes, behind all steps.
+        """
         table = BY_NAME["sessions"]
+        row = tuple([None if name in _AT_ITS_END else each for name, each in zip(table.columns, row, strict=True)])
         session: int = self._database.execute(_NUMBER).fetchone()[0]
         number, own = row[0], row[table.columns.index("id")]
         names = (own, f"{own}.{number}", f"{own}.{self._robot[:8]}.{number}")
@@ -199,6 +219,8 @@ class Centre:
         if table.name == "sessions":
             found = self._database.execute(_SESSION, (place.session,)).fetchall()
             rows = [self._session_row(row, place.session, name, place.gaps) for row in rows[-1:] for (name,) in found]
+            if any(row[_CLOSED] is not None for row in rows):
+                self._database.execute(_ENDED, (place.session,))
         elif table.name == "steps":
             positions = _array(row[1] for row in rows)
             found = self._database.execute(_REPLACED, (place.session, positions)).fetchall()

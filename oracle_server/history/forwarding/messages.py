@@ -28,8 +28,9 @@ class Told(msgspec.Struct):
     `left` are the rows that are still to be brought, `oldest` is when the first step among them was judged (ns).
     `anew`: nothing was brought, since the centre has less than was known of it (`less`), or another history than
     this one, as a copy or a backup has it (`other`): all is to be forwarded from the beginning.
-    `lost` are the steps that were deleted before they could be brought, as the centre was told this time. `error` says
-    why nothing was brought; it may be tried again.
+    `lost` are the steps that were deleted before they could be brought, as the centre was told this time, `dropped`
+    those that it did not take, since it has deleted their session. `error` says why nothing was brought; it may be
+    tried again.
     """
 
     rows: int = 0
@@ -38,5 +39,6 @@ class Told(msgspec.Struct):
     left: int = 0
     oldest: int | None = None
     lost: int = 0
+    dropped: int = 0
     anew: Literal["less", "other"] | None = None
     error: str | None = None

@@ -11,7 +11,7 @@ import msgspec
 import structlog
 
 from oracle_server.core.errors import OracleError
-from oracle_server.history.forwarding.centre import Centre
+from oracle_server.history.forwarding.centre import Centre, Wrote
 from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.forwarding.robot import Robot
 from oracle_server.process.worker import receive, send, step_back
@@ -60,14 +60,14 @@ class Bringing:
                 return Told(anew="less")
         robot, centre = self._robot, self._centre
         chunk = robot.read(centre.cursors, centre.seq, ask.rows)
-        lost = 0
+        wrote = Wrote()
         if chunk.rows or chunk.seq > centre.seq:
-            lost = centre.write(chunk)
+            wrote = centre.write(chunk)
         else:
             centre.demand_held()
         sessions = centre.places if new else [page.session for page in chunk.pages]
         reached = {number: centre.places[number].position for number in sessions}
-        return Told(chunk.rows, chunk.seq, reached, chunk.left, chunk.oldest, lost)
+        return Told(chunk.rows, chunk.seq, reached, chunk.left, chunk.oldest, *wrote)
 
 
 def main() -> None:

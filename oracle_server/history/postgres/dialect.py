@@ -14,7 +14,7 @@ import msgspec
 from oracle_server.history.sql.episodes import FORGET_GONE, KEEP
 from oracle_server.history.sql.schema import DDL
 from oracle_server.history.sql.standing import RESTATE
-from oracle_server.history.sql.statements import BESIDE, SIZE
+from oracle_server.history.sql.statements import BESIDE, KEPT, SIZE
 
 _RESTATE = """
 UPDATE steps SET
@@ -68,7 +68,16 @@ SELECT coalesce((
 A row has 150 bytes beside its columns, in its page's head and in indexes, and a fifth more in blocks.
 """
 
+_KEPT = KEPT.replace(
+    "s.closed",
+    "CASE WHEN s.closed IS NOT NULL THEN "
+    "coalesce((SELECT ended FROM forwarded WHERE session = s.number), s.closed) END",
+    1,
+)
+"""What robots forward may have come long after it was closed: its age counts from then."""
+
 _PARTS = {
+    KEPT: _KEPT,
     RESTATE: _RESTATE,
     KEEP: _KEEP,
     FORGET_GONE: _FORGET_GONE,

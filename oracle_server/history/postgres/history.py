@@ -46,6 +46,8 @@ log = structlog.get_logger()
 class PostgresHistory(SqlHistory):
     """A `History` in a database, which several servers may use: each is a node of it, and has sessions of its own."""
 
+    _forgetting = sharing.FORGET_SESSION
+
     def __init__(
         self, url: str, lease: float = LEASE, end: Callable[[], object] = lambda: None, node: Node = ALONE
     ) -> None:

@@ -54,8 +54,10 @@ CREATE TABLE IF NOT EXISTS forwarded (
     number BIGINT NOT NULL,            -- of the session, at the robot
     position BIGINT NOT NULL,          -- of its last step that is there
     gaps TEXT NOT NULL,                -- JSON: the first and last positions that were deleted before they came
+    ended BIGINT,                      -- ns, by this database's clock: when it came that the session is closed
     UNIQUE (origin, robot, number)
 );
+ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS ended BIGINT;
 """
 """Of sessions that robots forward: each chunk is one transaction with how far it is."""
 _SHARED = "SELECT to_regclass('owners') IS NOT NULL"
@@ -90,6 +92,7 @@ def prepare(database: Connection) -> None:
         if found is None or found[0] != VERSION:  # else nothing is locked that servers write which run
             database.execute(_OWN)
             version = _migrated(database)
+            database.execute(_FORWARDED)
         if not shared:
             database.execute(_SHARE)
         if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from oracle_server.history.sql.episodes import VIOLATIONS
 from oracle_server.history.sql.schema import SESSION_COLUMNS
+from oracle_server.history.sql.statements import OF_A_SESSION
 
 _COLUMNS = ",".join(f"s.{name}" for name in SESSION_COLUMNS)
 
@@ -76,6 +77,14 @@ UPDATE owners SET node = ?1 WHERE node IN (SELECT node FROM fenced)
 
 Whoever writes as that node has its row locked. It is not waited for: it may stand still, and the next try is soon.
 """
+FORGET_SESSION = [
+    "DELETE FROM sessions WHERE number IN (SELECT number FROM sessions WHERE number = ? FOR UPDATE SKIP LOCKED)",
+    *(
+        f"DELETE FROM {table} WHERE {key} = ?1 AND NOT EXISTS (SELECT 1 FROM sessions WHERE number = ?1)"  # noqa: S608
+        for table, key in OF_A_SESSION[:-1]
+    ),
+]
+"""Delete a session unless a robot brings something of it right now, which may take long; it is tried again later."""
 TENDED = """
 SELECT s.number FROM sessions s LEFT JOIN owners o ON o.session = s.number
 WHERE o.node = ?1 OR (

@@ -7,7 +7,7 @@ import contextlib
 from bisect import bisect_left
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from itertools import chain
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
@@ -52,9 +52,9 @@ from oracle_server.history.sql.rows import (
 from oracle_server.history.sql.schema import MONITOR_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
 from oracle_server.history.sql.statements import (
     EXTENT,
+    FORGET_SESSION,
     KEPT,
     LAST_TIME,
-    OF_A_SESSION,
     OPEN,
     SESSIONS,
     SIZE,
@@ -80,6 +80,8 @@ _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
 
 class SqlHistory:
     """A `History` in a database, of which a backend gives the connections."""
+
+    _forgetting: ClassVar[Sequence[str]] = FORGET_SESSION
 
     def __init__(self, store: Store, reader: Callable[[Readers, Readers], Reader], asking: Asking) -> None:
         """Write with a connection; read with `reader` in some threads, in others what is to be put in order."""
@@ -220,8 +222,10 @@ class SqlHistory:
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
-        for table, key in OF_A_SESSION:
-            await self._do(session, f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
+        *statements, last = self._forgetting
+        for sql in statements:  # in one commit, as nothing is awaited
+            self._execute(session, sql, lambda: (session,), needed=False, always=True)
+        await self._do(session, last, (session,))
 
     async def _do(self, session: int, sql: str, values: Row) -> None:
         done = asyncio.Event()

@@ -37,6 +37,7 @@ OF_A_SESSION = (
     ("refused", "session"), ("monitors", "session"), ("snapshots", "session"), ("sessions", "number"),
 )  # fmt: skip
 """The tables that have rows of a session, and their columns with its number; itself at last."""
+FORGET_SESSION = [f"DELETE FROM {table} WHERE {key} = ?" for table, key in OF_A_SESSION]  # noqa: S608
 SIZE = (
     "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
     "pragma_page_size s"

@@ -58,9 +58,9 @@ class SqliteHistory(Alone, SqlHistory):
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
-        await super().forget_session(session)
         if self._noted:
-            await self._do(session, changes.FORGET_SESSION, (session,))
+            self._execute(session, changes.FORGET_SESSION, lambda: (session,), needed=False, always=True)
+        await super().forget_session(session)
 
     async def elsewhere(self, name: str) -> Elsewhere | None:
         """The robot that has a session which is open; None of any that is this server's, closed or unknown."""
