@@ -144,6 +144,7 @@ class Extent(NamedTuple):
 
     `closed` is None while it is open; of an open one, the steps up to `settled` are not needed to restore it.
     `beside` are the bytes that it takes beside its steps, about, and `refused` is how many refused events it has.
+    `held`: a robot that forwards it, or did, has it open, and nobody here may delete of it.
     """
 
     number: int
@@ -154,6 +155,7 @@ class Extent(NamedTuple):
     last: int
     beside: int = 0
     refused: int = 0
+    held: bool = False
 
 
 class StoredRevision(msgspec.Struct, frozen=True, gc=False):

@@ -1,7 +1,8 @@
 """Deletes history beyond the limits: closed sessions first, the oldest before others, then old events of open ones.
 
 Where there are too many bytes, those sessions of them go first that have no events. Events that are needed to restore
-an open session are never deleted: all without a snapshot, else those after it.
+an open session are never deleted: all without a snapshot, else those after it. What a robot has open is the robot's: it
+is not deleted at a centre, and counts for none of the limits.
 """
 
 from __future__ import annotations
@@ -158,7 +159,7 @@ class Pruner:
         return {
             (session.extent.number, age): await self._history.judged_before(session.extent, now - age)
             for session in sessions
-            if session.is_open
+            if session.is_open and not session.extent.held
             for age in ages
         }
 
@@ -168,13 +169,14 @@ class Pruner:
         """Mark what to delete; returns the numbers of open sessions to save. With many sessions this takes long."""
         beside = sum(session.extent.beside for session in sessions)
         row_size = max(1.0, (size - beside) / max(1, sum(session.size for session in sessions)))
+        tended = [session for session in sessions if not session.extent.held]
         groups = defaultdict(list)
-        for session in sessions:
+        for session in tended:
             groups[session.extent.spec].append(session)
         wanted: set[int] = set()
         for spec, group in groups.items():
             wanted |= self._choose(bounds.get(spec, Retention()), group, row_size, older)
-        return wanted | self._choose(self._bounds, sessions, row_size, older)
+        return wanted | self._choose(self._bounds, tended, row_size, older)
 
     def _choose(self, bounds: Retention, group: list[_Candidate], row_size: float, older: _Older) -> set[int]:
         """Mark what is beyond some limits; returns the numbers of open sessions that a snapshot would make smaller."""
@@ -210,6 +212,7 @@ class Pruner:
             extent
             for extent in extents
             if extent.closed is None
+            and not extent.held
             and extent.refused >= 2 * _REFUSED
             and (tended is None or extent.number in tended)
             and any(each != Retention() for each in (self._bounds, bounds.get(extent.spec, Retention())))

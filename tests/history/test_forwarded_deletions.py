@@ -233,3 +233,27 @@ async def test_a_session_is_deleted_as_a_whole_or_later(postgres: Postgres, tmp_
         await centre.forget_session(number)
         assert counted(postgres, url) == {}
     await asyncio.to_thread(centre.close)
+
+
+@pytest.mark.parametrize("bounds", [Retention(1), Retention(events=50), Retention(size=200_000)])
+async def test_what_a_robot_has_open_takes_no_room_from_others_at_the_centre(
+    bounds: Retention, postgres: Postgres, tmp_path: Path
+) -> None:
+    url, bringing, saved = postgres.empty(), Bringing(), list[int]()
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+    number = await centre.reserve("own", 1)
+    assert number is not None
+    centre.open_session(opened(number, "own"))
+    await add(centre, *(step(p) for p in range(1, 31)), session=number)
+    centre.close_session(number, 10**18, {"id": "own"})
+    await centre.flush()
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        await add(history, *(step(p) for p in range(1, 2001)))
+        await brought(history, url, bringing)
+        bringing.close()
+    await Pruner(centre, bounds, dict, lambda: 10**18, saved.append).prune()
+    assert counted(postgres, url)["steps"] == 2030
+    assert saved == [], "there is no judge of it here"
+    await asyncio.to_thread(centre.close)

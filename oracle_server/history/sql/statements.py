@@ -29,7 +29,7 @@ BESIDE = (
 """Bytes that a session takes beside its steps, about."""
 KEPT = (
     f"SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0), {BESIDE}, "  # noqa: S608
-    "(SELECT count(*) FROM refused WHERE session = s.number) "
+    "(SELECT count(*) FROM refused WHERE session = s.number), s.closed IS NULL AND s.id LIKE '%@%' "
     "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
 )
 OF_A_SESSION = (
