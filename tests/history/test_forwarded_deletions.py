@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 import sqlite3
 import time
 from contextlib import closing
@@ -257,3 +258,40 @@ async def test_what_a_robot_has_open_takes_no_room_from_others_at_the_centre(
     assert counted(postgres, url)["steps"] == 2030
     assert saved == [], "there is no judge of it here"
     await asyncio.to_thread(centre.close)
+
+
+async def test_a_robot_that_was_put_back_is_another_one_also_where_the_centre_has_deleted_its_sessions(
+    postgres: Postgres, tmp_path: Path
+) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    image = tmp_path / "image"
+    image.mkdir()
+    async with robot(image) as history:
+        history.open_session(opened(1, "first"))
+        history.close_session(1, 5, {"id": "first", "continued_by": None})
+        await history.flush()
+        await brought(history, url, bringing)
+        bringing.close()
+    shutil.copytree(image, tmp_path / "used")
+    async with robot(tmp_path / "used") as history:
+        history.open_session(opened(2, "s"))
+        await add(history, *(step(p) for p in range(1, 11)), session=2)
+        history.close_session(2, 6, {"id": "s", "continued_by": None})
+        await history.flush()
+        await brought(history, url, bringing)
+        bringing.close()
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+    for number in (1, 2):
+        await centre.forget_session(number)
+    await asyncio.to_thread(centre.close)
+    async with robot(image) as history:
+        history.open_session(opened(2, "new")._replace(opened=9_000))
+        await add(history, *(step(p) for p in range(1, 31)), session=2)
+        for p in range(1, 31):  # more has changed than the centre knows of
+            history.amend(2, "m", p, (True, "why"), lambda: None)
+        await history.flush()
+        await brought(history, url, bringing)
+        bringing.close()
+    assert [row[2:] for row in postgres.do("SELECT count(*), min(position), max(position) FROM steps", url)] == [(30,)]
+    assert postgres.do(f"SELECT count(*) FROM sessions WHERE id = 'new@{ORIGIN}'", url) == [(1,)]

@@ -251,3 +251,24 @@ async def test_a_centre_that_is_away_is_waited_for(
     assert log.count("can't be forwarded now") == 1
     assert log.count("the history is forwarded") == 2
     assert "Traceback" not in log
+
+
+async def test_what_a_centre_of_an_older_format_has_is_gone_on_with(postgres: Postgres, tmp_path: Path) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        history.open_session(opened(1, "one"))
+        await add(history, *(step(p) for p in range(1, 50)))
+        await brought(history, url, bringing)
+        bringing.close()
+        postgres.do("ALTER TABLE forwarded DROP COLUMN opened, DROP COLUMN ended", url)
+        postgres.do("DROP TABLE forgotten", url)
+        postgres.do("UPDATE format SET version = 11", url)
+        centre = PostgresHistory(url)
+        await asyncio.to_thread(centre.close)
+        await add(history, *(step(p) for p in range(50, 60)))
+        history.close_session(1, 5, {"id": "one", "continued_by": None})
+        await history.flush()
+        await brought(history, url, bringing)
+        bringing.close()
+        assert at_the_centre(url) == at_the_robot(tmp_path)
+    assert postgres.do("SELECT opened, ended > 0 FROM forwarded", url) == [(1001, True)]

@@ -33,8 +33,8 @@ ON CONFLICT DO NOTHING
 """What robots forward is theirs."""
 _CAME = "SELECT session, origin, robot, number FROM forwarded ORDER BY session"
 _BRING = """
-INSERT INTO forwarded (session, origin, robot, number, position, gaps)
-SELECT number, ?2, ?3, ?4, 0, '[]' FROM sessions WHERE number = ?1 ON CONFLICT DO NOTHING
+INSERT INTO forwarded (session, origin, robot, number, position, gaps, opened)
+SELECT number, ?2, ?3, ?4, 0, '[]', opened FROM sessions WHERE number = ?1 ON CONFLICT DO NOTHING
 """
 
 

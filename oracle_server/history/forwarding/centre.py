@@ -41,15 +41,14 @@ _ASKED_EVERY = 10.0
 """Seconds between two questions whether the centre would take anything, where nothing is brought."""
 _HELD = "SELECT 1 FROM origins WHERE origin = ? AND robot = ? AND writer = ?"
 _KNOWN = """
-SELECT f.number, f.session, s.opened, f.position, last.judged, f.gaps
-FROM forwarded f LEFT JOIN sessions s ON s.number = f.session
+SELECT f.number, f.session, f.opened, f.position, last.judged, f.gaps FROM forwarded f
 LEFT JOIN steps last ON last.session = f.session AND last.position = f.position
 WHERE f.origin = ? AND f.robot = ?
 """
 _ANEW = "UPDATE forwarded SET position = 0 WHERE origin = ? AND robot = ?"
 _NUMBER = "SELECT nextval('session_numbers')"
 _TAKEN = "SELECT 1 FROM sessions WHERE id = ?"
-_NEW = "INSERT INTO forwarded (session, origin, robot, number, position, gaps) VALUES (?, ?, ?, ?, 0, '[]')"
+_NEW = "INSERT INTO forwarded (session, origin, robot, number, position, gaps, opened) VALUES (?, ?, ?, ?, 0, '[]', ?)"
 _REACHED = "UPDATE forwarded SET position = ?, gaps = ? WHERE session = ?"
 _THERE = "SELECT number FROM sessions WHERE number = ANY(?::bigint[]) ORDER BY number FOR UPDATE"
 """No server deletes them meanwhile."""
@@ -183,14 +182,14 @@ class Centre:
         table = BY_NAME["sessions"]
         row = tuple([None if name in _AT_ITS_END else each for name, each in zip(table.columns, row, strict=True)])
         session: int = self._database.execute(_NUMBER).fetchone()[0]
-        number, own = row[0], row[table.columns.index("id")]
+        number, own, opened = row[0], row[table.columns.index("id")], row[table.columns.index("opened")]
         names = (own, f"{own}.{number}", f"{own}.{self._robot[:8]}.{number}")
         free = (forwarded_name(name, self._origin) for name in names)
         name = next((each for each in free if not self._database.execute(_TAKEN, (each,)).fetchone()), None)
         if name is None:
             raise HistoryError(f"the centre has another session of the name '{forwarded_name(own, self._origin)}'")
         self._database.insert(table.name, [self._session_row(row, session, name, [])], table.columns)
-        self._database.execute(_NEW, (session, self._origin, self._robot, number))
+        self._database.execute(_NEW, (session, self._origin, self._robot, number, opened))
         return _Place(session, 0, [])
 
     def _there(self, sessions: Iterable[int]) -> set[int]:

@@ -54,10 +54,13 @@ CREATE TABLE IF NOT EXISTS forwarded (
     number BIGINT NOT NULL,            -- of the session, at the robot
     position BIGINT NOT NULL,          -- of its last step that is there
     gaps TEXT NOT NULL,                -- JSON: the first and last positions that were deleted before they came
+    opened BIGINT,                     -- ns, as the session's, which may be deleted
     ended BIGINT,                      -- ns, by this database's clock: when it came that the session is closed
     UNIQUE (origin, robot, number)
 );
+ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS opened BIGINT;
 ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS ended BIGINT;
+UPDATE forwarded SET opened = s.opened FROM sessions s WHERE s.number = session AND forwarded.opened IS NULL;
 """
 """Of sessions that robots forward: each chunk is one transaction with how far it is."""
 _SHARED = "SELECT to_regclass('owners') IS NOT NULL"
