@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import random
 import signal
 import sqlite3
@@ -260,7 +261,9 @@ async def test_what_a_centre_of_an_older_format_has_is_gone_on_with(postgres: Po
         await add(history, *(step(p) for p in range(1, 50)))
         await brought(history, url, bringing)
         bringing.close()
-        postgres.do("ALTER TABLE forwarded DROP COLUMN opened, DROP COLUMN ended", url)
+        postgres.do(
+            "ALTER TABLE forwarded DROP COLUMN own, DROP COLUMN continued, DROP COLUMN opened, DROP COLUMN ended", url
+        )
         postgres.do("DROP TABLE forgotten", url)
         postgres.do("UPDATE format SET version = 11", url)
         centre = PostgresHistory(url)
@@ -272,3 +275,31 @@ async def test_what_a_centre_of_an_older_format_has_is_gone_on_with(postgres: Po
         bringing.close()
         assert at_the_centre(url) == at_the_robot(tmp_path)
     assert postgres.do("SELECT opened, ended > 0 FROM forwarded", url) == [(1001, True)]
+
+
+def successors(postgres: Postgres, url: str) -> dict[str, str | None]:
+    """Of each session that is closed at the centre, which one goes on with it."""
+    states = [json.loads(str(state)) for (state,) in postgres.do("SELECT state FROM sessions", url) if state]
+    return {state["id"]: state["continued_by"] for state in states}
+
+
+async def test_a_session_is_continued_by_one_of_the_same_disk(postgres: Postgres, tmp_path: Path) -> None:
+    """Also where another disk had sessions of their names before, and where the next one comes later."""
+    url, bringing = postgres.empty(), Bringing()
+    for disk, together in (("first", True), ("second", False)):
+        (tmp_path / disk).mkdir()
+        async with robot(tmp_path / disk) as history:
+            history.open_session(opened(1, "s"))
+            history.close_session(1, 6, {"id": "s", "continued_by": "s2"})
+            if not together:
+                await history.flush()
+                await brought(history, url, bringing)
+                assert successors(postgres, url)[f"s.1@{ORIGIN}"] is None, "it is not there yet"
+            history.open_session(opened(2, "s2"))
+            history.close_session(2, 7, {"id": "s2", "continued_by": None})
+            await history.flush()
+            await brought(history, url, bringing)
+            bringing.close()
+    assert successors(postgres, url) == {
+        f"s@{ORIGIN}": f"s2@{ORIGIN}", f"s2@{ORIGIN}": None, f"s.1@{ORIGIN}": f"s2.2@{ORIGIN}", f"s2.2@{ORIGIN}": None,
+    }  # fmt: skip

@@ -31,10 +31,10 @@ SELECT number, id, 'copy' FROM sessions WHERE closed IS NULL AND id NOT LIKE '%@
 ON CONFLICT DO NOTHING
 """
 """What robots forward is theirs."""
-_CAME = "SELECT session, origin, robot, number FROM forwarded ORDER BY session"
+_CAME = "SELECT session, origin, robot, number, own FROM forwarded ORDER BY session"
 _BRING = """
-INSERT INTO forwarded (session, origin, robot, number, position, gaps, opened)
-SELECT number, ?2, ?3, ?4, 0, '[]', opened FROM sessions WHERE number = ?1 ON CONFLICT DO NOTHING
+INSERT INTO forwarded (session, origin, robot, number, position, gaps, own, opened)
+SELECT number, ?2, ?3, ?4, 0, '[]', ?5, opened FROM sessions WHERE number = ?1 ON CONFLICT DO NOTHING
 """
 
 
@@ -116,7 +116,7 @@ class PostgresEnd:
         self.execute(COUNT_ON)
 
     def forwarded(self) -> list[Row]:
-        """Which sessions robots forward: their numbers here, the robots, and their numbers there."""
+        """Which sessions robots forward: their numbers here, the robots, and their numbers and names there."""
         return self.execute(_CAME).fetchall() if self._has("forwarded") else []
 
     def have_brought(self, rows: list[Row]) -> None:

@@ -32,7 +32,11 @@ class Table(NamedTuple):
 
 FORWARDED = (
     Table("origins", ("origin", "robot", "writer", "seq", "heard"), 2),
-    Table("forwarded", ("session", "origin", "robot", "number", "position", "gaps", "opened", "ended"), 1),
+    Table(
+        "forwarded",
+        ("session", "origin", "robot", "number", "position", "gaps", "own", "continued", "opened", "ended"),
+        1,
+    ),
 )
 """Of a centre: what it has of robots. Robots write to it without any server."""
 

@@ -48,7 +48,21 @@ WHERE f.origin = ? AND f.robot = ?
 _ANEW = "UPDATE forwarded SET position = 0 WHERE origin = ? AND robot = ?"
 _NUMBER = "SELECT nextval('session_numbers')"
 _TAKEN = "SELECT 1 FROM sessions WHERE id = ?"
-_NEW = "INSERT INTO forwarded (session, origin, robot, number, position, gaps, opened) VALUES (?, ?, ?, ?, 0, '[]', ?)"
+_NEW = """
+INSERT INTO forwarded (session, origin, robot, number, position, gaps, own, opened)
+VALUES (?, ?, ?, ?, 0, '[]', ?, ?)
+"""
+_CONTINUING = """
+SELECT s.id FROM forwarded f JOIN sessions s ON s.number = f.session
+WHERE f.origin = ? AND f.robot = ? AND f.own = ? AND f.number > ? ORDER BY f.number LIMIT 1
+"""
+_AWAITED = "UPDATE forwarded SET continued = ? WHERE session = ?"
+_CAME = """
+UPDATE forwarded SET continued = NULL
+WHERE origin = ? AND robot = ? AND continued = ? AND number < ? RETURNING session
+"""
+_STATE = "SELECT state FROM sessions WHERE number = ? AND state IS NOT NULL FOR UPDATE"
+_STANDS = "UPDATE sessions SET state = ? WHERE number = ?"
 _REACHED = "UPDATE forwarded SET position = ?, gaps = ? WHERE session = ?"
 _THERE = "SELECT number FROM sessions WHERE number = ANY(?::bigint[]) ORDER BY number FOR UPDATE"
 """No server deletes them meanwhile."""
@@ -189,7 +203,10 @@ class Centre:
         if name is None:
             raise HistoryError(f"the centre has another session of the name '{forwarded_name(own, self._origin)}'")
         self._database.insert(table.name, [self._session_row(row, session, name, [])], table.columns)
-        self._database.execute(_NEW, (session, self._origin, self._robot, number, opened))
+        self._database.execute(_NEW, (session, self._origin, self._robot, number, own, opened))
+        for (before,) in self._database.execute(_CAME, (self._origin, self._robot, own, number)).fetchall():
+            for (state,) in self._database.execute(_STATE, (before,)).fetchall():
+                self._database.execute(_STANDS, (text(_decode(state) | {"continued_by": name}), before))
         return _Place(session, 0, [])
 
     def _there(self, sessions: Iterable[int]) -> set[int]:
@@ -242,11 +259,17 @@ class Centre:
         if values["state"] is not None:
             state = _decode(values["state"]) | {"id": name, "origin": self._origin}
             if state.get("continued_by"):
-                state["continued_by"] = forwarded_name(state["continued_by"], self._origin)
+                state["continued_by"] = self._continuing(session, row[0], state["continued_by"])
             if gaps:
                 state["trouble"] = "; ".join(filter(None, (state.get("trouble"), missing_text(gaps))))
             values["state"] = text(state)
         return tuple([values[column] for column in columns])
+
+    def _continuing(self, session: int, number: int, own: str) -> str | None:
+        """The name here of the session that goes on with one, by its own; None until it is here."""
+        found = self._database.execute(_CONTINUING, (self._origin, self._robot, own, number)).fetchone()
+        self._database.execute(_AWAITED, (None if found else own, session))
+        return found[0] if found else None
 
 
 def _missing(place: _Place) -> int:

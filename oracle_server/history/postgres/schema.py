@@ -54,10 +54,14 @@ CREATE TABLE IF NOT EXISTS forwarded (
     number BIGINT NOT NULL,            -- of the session, at the robot
     position BIGINT NOT NULL,          -- of its last step that is there
     gaps TEXT NOT NULL,                -- JSON: the first and last positions that were deleted before they came
+    own TEXT COLLATE "C",              -- the session's name at the robot
+    continued TEXT COLLATE "C",        -- the name there of the one that goes on with it, where that is not here yet
     opened BIGINT,                     -- ns, as the session's, which may be deleted
     ended BIGINT,                      -- ns, by this database's clock: when it came that the session is closed
     UNIQUE (origin, robot, number)
 );
+ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS own TEXT COLLATE "C";
+ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS continued TEXT COLLATE "C";
 ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS opened BIGINT;
 ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS ended BIGINT;
 UPDATE forwarded SET opened = s.opened FROM sessions s WHERE s.number = session AND forwarded.opened IS NULL;
