@@ -115,6 +115,37 @@ def test_latched_messages_pass_to_who_comes_later(tmp_path: Path) -> None:
         assert values(late.heard("/number", 1)) == [5]
 
 
+def test_late_subscribers_get_what_passed_of_latching_publishers_that_are_there(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter = scene.adapter("gate")
+        one, other, gone, plain = (scene.peer() for _ in range(4))
+        for latching in (one, other, gone):
+            latching.advertise(Int64, "/number_mon", latch=True)
+        plain.advertise(Int64, "/number_mon")
+        seen = scene.peer()
+        seen.record(Int64, "/number", speakers=1)
+        for count, (speaker, number) in enumerate([(one, 5), (other, 6), (gone, 8), (plain, 9)], 1):
+            speaker.publish("/number_mon", *numbers(number))
+            seen.heard("/number", count)
+        one.publish("/number_mon", *numbers(7))  # which is denied
+        settled(scene.server, 5)
+        gone.withdraw("/number_mon")
+
+        def late() -> list[int]:
+            """What a new node hears, until it hears what is published last."""
+            hearer = scene.peer()
+            hearer.record(Int64, "/number", speakers=1)
+            plain.publish("/number_mon", *numbers(1))
+            hearer.until(lambda: 1 in values(hearer.heard("/number")), lambda: "it hears nothing")
+            return values(hearer.heard("/number"))
+
+        eventually(late, lambda heard: heard == [5, 6, 1])
+        for latching in (one, other):
+            latching.withdraw("/number_mon")
+        eventually(late, lambda heard: heard == [1])
+        adapter.ends_well()
+
+
 def test_another_type_than_the_spec_says_is_told_and_does_not_pass(tmp_path: Path) -> None:
     from std_msgs.msg import Int32
 

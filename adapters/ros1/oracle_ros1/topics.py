@@ -5,8 +5,7 @@ Messages are taken as they were sent: any topic can be observed, and what is for
 
 from __future__ import annotations
 
-import threading
-from typing import Dict, List, Tuple, Union
+from typing import Dict, Optional, Tuple, Union
 
 import rospy
 from oracle_adapter import PROXY
@@ -14,6 +13,7 @@ from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import Interface
 from oracle_adapter.passing import Passing
 
+from oracle_ros1.latches import Latches, latching
 from oracle_ros1.observed import Decoder, Header, Observed, header_of, headers
 from oracle_ros1.shared import Shared
 
@@ -64,15 +64,16 @@ class FilteredTopic:
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
         self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
-        self._making = threading.Lock()
-        self._publishers: List[rospy.Publisher] = []
-        self._latched = self._stopped = False
+        self._latches = Latches(lambda: headers(self._subscriber))
+        self._publisher: Optional[rospy.Publisher] = None
+        self._stopped = False
         self.bypass = ""
         """Who publishes past the monitor what it forwards."""
         self._ready: Dict[int, Tuple[Header, Decoder]] = {}  # by the header's id: that of one connection
-        if self._observed.installed:
-            self._publish(self._observed.installed, latched=False)
-        self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
+        with self._latches.lock:  # what comes at once waits for the subscriber
+            if self._observed.installed:
+                self._publish(self._observed.installed)
+            self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
         """Read its publishers' connection headers, and return what is wrong.
@@ -81,6 +82,9 @@ class FilteredTopic:
         """
         publishers = headers(self._subscriber)
         found = [self._prepared(header) for header in publishers]
+        self._latches.forget()
+        if self._publisher is not None:
+            self._publisher.impl.add_headers({"latching": latching(publishers)})
         troubles = [why for why in found if isinstance(why, str)]
         troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
         past = [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
@@ -90,10 +94,10 @@ class FilteredTopic:
     def stop(self) -> None:
         """Take and forward no more."""
         self._subscriber.unregister()
-        with self._making:
+        with self._latches.lock:
             self._stopped = True
-            for publisher in self._publishers:
-                publisher.unregister()
+            if self._publisher is not None:
+                self._publisher.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
@@ -114,7 +118,7 @@ class FilteredTopic:
         decoder = self._observed.decoder(header)
         if isinstance(decoder, str):
             return decoder
-        publisher = self._publish(decoder, latched=header.get("latching") == "1")
+        publisher = self._publish(decoder)
         if publisher.md5sum != decoder.digest:
             return f"{header.get('callerid')} publishes another version of {header['type']} than is given"
         self._ready = {**self._current(), id(header): (header, decoder)}
@@ -125,23 +129,22 @@ class FilteredTopic:
         there = {id(header) for header in headers(self._subscriber)}
         return {key: ready for key, ready in self._ready.items() if key in there}
 
-    def _publish(self, decoder: Decoder, *, latched: bool) -> rospy.Publisher:
-        """Give messages of this definition, unless others are given; latched once one of its publishers is."""
-        with self._making:
-            if not self._publishers or latched > self._latched:
-                made = self._publishers[0].data_class if self._publishers else decoder.definition.type
-                # rospy shares connections among a topic's publishers: a second one only switches latching on.
-                publisher = rospy.Publisher(self._given, made, latch=latched, tcp_nodelay=True, queue_size=DEPTH)
-                self._publishers.append(publisher)
-                self._latched |= latched
-            return self._publishers[0]
+    def _publish(self, decoder: Decoder) -> rospy.Publisher:
+        """Give messages of this definition, unless others are given."""
+        with self._latches.lock:
+            if self._publisher is None:
+                self._publisher = rospy.Publisher(
+                    self._given, decoder.definition.type, self._latches, tcp_nodelay=True, queue_size=DEPTH
+                )
+            return self._publisher
 
     def _forward(self, message: rospy.AnyMsg) -> bool:
-        with self._making:
-            if self._stopped:
+        with self._latches.lock:
+            if self._stopped or self._publisher is None:
                 return False
             try:
-                self._publishers[0].publish(message)
+                self._publisher.publish(message)
             except rospy.ROSException:  # ROS is shut down, as by `rosnode kill`
                 return False
+            self._latches.passed(message)
             return True
