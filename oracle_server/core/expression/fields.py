@@ -1,6 +1,7 @@
 """Fields and elements: of the message, of variables, of lists.
 
-A field that is missing, or asked of null, is absent; one that is asked of what has no fields has failed.
+A field that is missing, or asked of null, is absent; one that is asked of what has no fields has failed. A time that is
+read whole, as in a list, comes under ROS 2's names; those of ROS 1 stand for them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,10 @@ from oracle_server.core.expression.cost import Frame, charge
 from oracle_server.core.expression.loops import Run
 from oracle_server.core.expression.stops import Absent, Failed, Stopped
 from oracle_server.core.expression.values import unfit
+
+_TIME = {"sec", "nanosec"}
+_RENAMED = {"secs": "sec", "nsecs": "nanosec"}
+"""What ROS 1 calls the parts of a time."""
 
 
 def alone(name: str) -> Run:
@@ -38,11 +43,11 @@ def path(names: tuple[str, ...]) -> Run:
 
 def _deep(names: tuple[str, ...]) -> Run:
     def deep(message: Any, _: Frame) -> Any:
-        try:
-            for name in names:
+        for name in names:
+            try:
                 message = message[name]
-        except (KeyError, TypeError):
-            raise _without(message) from None
+            except (KeyError, TypeError):
+                message = _otherwise(message, name)
         return message
 
     return deep
@@ -56,7 +61,7 @@ def field(of: Run, name: str) -> Run:
         try:
             return whole[name]
         except (KeyError, TypeError):
-            raise _without(whole) from None
+            return _otherwise(whole, name)
 
     return run
 
@@ -72,7 +77,7 @@ def has_field(of: Run, name: str) -> Run:
     def run(message: Mapping[str, Any], frame: Frame) -> bool:
         whole = of(message, frame)
         if isinstance(whole, Mapping):
-            return name in whole
+            return name in whole or _is_renamed(whole, name)
         raise _without(whole)
 
     return run
@@ -110,6 +115,17 @@ def has_element(of: Run, index: Run) -> Run:
         raise unfit("an index takes a list and a whole number", whole, at)
 
     return run
+
+
+def _is_renamed(whole: Mapping[str, Any], name: str) -> bool:
+    return name in _RENAMED and whole.keys() == _TIME
+
+
+def _otherwise(whole: Any, name: str) -> Any:
+    """A field that is not there under its name."""
+    if isinstance(whole, Mapping) and _is_renamed(whole, name):
+        return whole[_RENAMED[name]]
+    raise _without(whole) from None
 
 
 def _without(whole: Any) -> Stopped:
