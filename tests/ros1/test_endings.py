@@ -89,6 +89,29 @@ def test_an_adapter_that_waits_for_a_master_can_be_ended(number: signal.Signals,
         adapter.ends_well(number)
 
 
+def test_an_adapter_whose_name_another_one_takes_says_so_and_the_other_goes_on(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        first = scene.adapter("gate", session="one")
+        second = scene.adapter("gate", session="two")
+        assert first.wait() == 2
+        first.said("the monitor has ended: another node was started as /uav1")
+        opened(scene)
+        assert second.running
+        second.ends_well()
+
+
+def test_adapters_that_parameters_give_other_names_leave_each_other_alone(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        words = (sys.executable, "-m", "oracle_ros1", f"_oracle:={scene.server.url}", "_spec:=gate")
+        made = []
+        for name in ("uav1", "uav2"):
+            made.append(scene.run(name, *words, f"_monitor:={name}", f"_session:={name}", f"_namespace:=/{name}"))
+            made[-1].said(f"observing 2 streams for session {name}")
+        assert made[0].running
+        for adapter in made:
+            adapter.ends_well()
+
+
 def test_a_master_that_was_started_anew_learns_of_the_adapter_again(tmp_path: Path) -> None:
     specs = spec_folder(tmp_path, BOTH, intercept="publisher", unavailable="deny", within="60s")
     with Scene(tmp_path, specs) as scene:

@@ -340,6 +340,15 @@ def test_check_knows_which_of_ros_own_types_hold_no_time(tmp_path: Path) -> None
     assert warned == [kind._type for kind in kinds if stamp_reader(kind, None) is None]
 
 
+def test_a_dump_of_the_graph_leaves_an_adapter_of_the_same_name_alone(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        adapter = scene.adapter("watch", monitor="monitor")
+        dump = scene.run("dump", sys.executable, "-m", "oracle_ros1", "--dump-graph")
+        assert dump.wait() == 0
+        assert "/monitor" in [node["name"] for node in json.loads(dump.log)["nodes"]]
+        adapter.ends_well()
+
+
 def test_the_graph_can_be_dumped(tmp_path: Path) -> None:
     with Scene(tmp_path) as scene:
         peer = scene.peer()

@@ -72,6 +72,17 @@ def default(name: str) -> Optional[str]:
     return defaults.get(name)
 
 
+def demand_one_oracle(given: argparse.Namespace) -> None:
+    """Raise ValueError where options that were given say two things of where events go."""
+    if given.log and not given.embedded:
+        names = ("oracle", "spec", "session")
+        asked = next((name for name in names if getattr(given, name)), None)
+        if asked is not None:
+            raise ValueError(f"--log asks no oracle: leave --{asked} out, or leave --log out")
+    if given.streams and not given.log:
+        raise ValueError("--streams is for --log: name the log's file, or leave --streams out")
+
+
 def make_link(options: argparse.Namespace, **more: Any) -> Link:
     """The link to the server that the options name, or to an oracle in this process.
 

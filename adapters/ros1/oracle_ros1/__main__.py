@@ -1,7 +1,7 @@
 """`python3 -m oracle_ros1`: attach this machine's ROS 1 graph to an oracle server.
 
 Options but --remap can also be private parameters of the node: ~oracle, ~spec, ~session, ~monitor, ~namespace, ~token,
-~log, ~streams, ~embedded, ~data.
+~log, ~streams, ~embedded, ~data. What the command line says, also as _spec:=NAME, comes first.
 """
 
 from __future__ import annotations
@@ -13,68 +13,64 @@ import signal
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence
 
 import rospy
 from oracle_adapter import Board, LinkError, Names, open_log
-from oracle_adapter.command import close, default, make_link, parser, wait_attached
+from oracle_adapter.command import close, make_link, wait_attached
 
 from oracle_ros1.codec import CodecError
-from oracle_ros1.graph import dump_graph
+from oracle_ros1.graph import dump_graph, log_without_master
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
+from oracle_ros1.options import complete, read_options
 from oracle_ros1.screen import Screen
 
 if TYPE_CHECKING:
     from oracle_adapter import Link
 
+_NEW_NODE = "new node registered with same name"
+"""The master's reason to end a node whose name another one has taken."""
+
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
-    own, for_ros = _split(sys.argv if arguments is None else arguments)
-    options = _parse(own[1:])
+    """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start, is refused, or is replaced."""
+    options, for_ros = read_options(sys.argv if arguments is None else arguments, __doc__)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit(0))  # there may be no master yet, and there is nothing to end
-    name = re.sub(r"\W", "_", (options.monitor or "monitor").strip("/")) or "monitor"
-    rospy.init_node(name, argv=for_ros, disable_signals=True)  # waits for the master
+    # waits for the master; a node of the name that another one has would end that one
+    rospy.init_node(_node_name(options), argv=for_ros, anonymous=options.dump_graph, disable_signals=True)
+    log_without_master()
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
-    rospy.on_shutdown(stopping.set)  # `rosnode kill`, or another node of this name
+    replaced: List[str] = []
+
+    def ended(reason: str) -> None:
+        if _NEW_NODE in reason:
+            replaced.append(reason)
+        stopping.set()
+
+    rospy.core.add_preshutdown_hook(ended)  # `rosnode kill`, or another node of this name
+    status = 0
     try:
         if options.dump_graph:
             sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
-            return 0
-        return _run(_completed(options), stopping)
+        else:
+            complete(options, rospy.logwarn)
+            status = _run(options, stopping)
     except (CodecError, LinkError, ValueError) as error:
         rospy.logfatal(str(error))
-        return 2
+        status = 2
     finally:
         rospy.signal_shutdown("the monitor has ended")
+    if replaced:
+        rospy.logfatal(f"the monitor has ended: another node was started as {rospy.get_name()}")
+        status = 2
+    return status
 
 
-def _parse(arguments: Sequence[str]) -> argparse.Namespace:
-    options = parser("oracle_ros1", __doc__)
-    options.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
-    return options.parse_args(arguments)
-
-
-def _split(arguments: Sequence[str]) -> Tuple[List[str], List[str]]:
-    """The adapter's own arguments, and ROS's: its remaps are `a:=b` too, but none follows `--remap`."""
-    own: List[str] = []
-    for_ros: List[str] = []
-    for before, word in zip(["", *arguments], arguments):
-        is_ros = ":=" in word and before != "--remap" and not word.startswith("--remap=")
-        (for_ros if is_ros else own).append(word)
-    return own, for_ros
-
-
-def _completed(options: argparse.Namespace) -> argparse.Namespace:
-    """Take what the command line does not give from a private parameter, or by default."""
-    for name, value in vars(options).items():
-        if value is None:
-            found = rospy.get_param(f"~{name}", "")
-            setattr(options, name, str(found) if found != "" else default(name))
-    return options
+def _node_name(options: argparse.Namespace) -> str:
+    return re.sub(r"\W", "_", (options.monitor or "monitor").strip("/")) or "monitor"
 
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:

@@ -11,7 +11,7 @@ from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
 import rospy
-from rospy.impl import registration
+from rospy.impl import paramserver, registration
 
 ASK_PERIOD = 1.0
 """Seconds between two requests to the master."""
@@ -45,6 +45,16 @@ def master_proxy() -> Any:
     master = rospy.msproxy.MasterProxy(uri)
     master.target = ServerProxy(uri, transport=_TimedTransport())
     return master
+
+
+def log_without_master() -> None:
+    """Have rospy ask the master once what it asks before each line that it logs.
+
+    Else a thread that logs would wait for a master that hangs, and a node that another one of its name has replaced
+    would be known to the master again, which ends the other one.
+    """
+    name = "/rosout_disable_topics_generation"
+    paramserver.get_param_server_cache().set(name, bool(rospy.get_param(name, False)))
 
 
 def dump_graph() -> Dict[str, Any]:
@@ -125,20 +135,29 @@ class Graph:
                 *((subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
                 # a service that another node serves by now stays that one's
                 *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
-            ]
+            ],
+            master,
         )
 
-    def _register_again(self, missing: Sequence[Tuple[Register, str, str]]) -> None:
+    def _register_again(self, missing: Sequence[Tuple[Register, str, str]], master: Any) -> None:
         """Register at the master what it lacks of this node, as after its restart: rospy never does that.
 
         Raises what the master raises; what is missing then is found again.
         """
+        if missing and _is_replaced(master):
+            return  # the master would end the other node
         for register, name, kind in missing:
             if self._stopping.is_set() or rospy.core.is_shutdown_requested():
                 return
             register(name, kind, rospy.get_node_uri())
         if missing:
             rospy.logwarn(f"the master did not know {len(missing)} topics and services of this node: registered again")
+
+
+def _is_replaced(master: Any) -> bool:
+    """Whether the master has another node by this one's name."""
+    code, _, uri = master.lookupNode(rospy.get_name())
+    return bool(code == 1 and uri != rospy.get_node_uri())
 
 
 def _subscribe(master: Any, name: str, kind: str, uri: str) -> None:
