@@ -178,12 +178,12 @@ class Scene:
     def _start_master(self) -> None:
         # Not by roscore: it gives the master 10 s to start, and two at once may both make ~/.ros.
         uri = self.settings["ROS_MASTER_URI"]
-        self._master = self.run("rosmaster", "rosmaster", "--core", "-p", uri.rpartition(":")[2])
+        self.master = self.run("rosmaster", "rosmaster", "--core", "-p", uri.rpartition(":")[2])
         eventually(lambda: _serves(uri), bool)
 
     def restart_master(self) -> None:
         """Have a master that knows of nobody."""
-        self._master.remove()
+        self.master.remove()
         self._start_master()
 
     def run(self, name: str, *command: object) -> Process:

@@ -112,6 +112,21 @@ def test_adapters_that_parameters_give_other_names_leave_each_other_alone(tmp_pa
             adapter.ends_well()
 
 
+def test_an_adapter_ends_though_the_master_hangs_and_settles_what_waits_at_once(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        adapter = scene.adapter("gate")
+        speaker, hearer = opened(scene)
+        speaker.publish("/number_mon", Int64(1))
+        eventually(lambda: scene.server.session("s")["counters"]["held"], lambda held: held == 1)
+        scene.master.send(signal.SIGSTOP)
+        adapter.ends_well()
+        adapter.said("the master does not answer")
+        [event] = scene.server.events("s")
+        assert (event["kind"], event["passed"]) == ("unavailable", False)
+        scene.master.send(signal.SIGCONT)
+        assert hearer.heard("/number") == []
+
+
 def test_a_master_that_was_started_anew_learns_of_the_adapter_again(tmp_path: Path) -> None:
     specs = spec_folder(tmp_path, BOTH, intercept="publisher", unavailable="deny", within="60s")
     with Scene(tmp_path, specs) as scene:

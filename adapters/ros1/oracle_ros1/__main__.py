@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import signal
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
 import rospy
 from oracle_adapter import Board, LinkError, Names, open_log
@@ -28,6 +29,8 @@ from oracle_ros1.screen import Screen
 if TYPE_CHECKING:
     from oracle_adapter import Link
 
+LEAVE_WITHIN = 3.0
+"""Seconds for which the adapter waits, as it ends, for the master to take a registration back."""
 _NEW_NODE = "new node registered with same name"
 """The master's reason to end a node whose name another one has taken."""
 
@@ -62,11 +65,23 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         rospy.logfatal(str(error))
         status = 2
     finally:
-        rospy.signal_shutdown("the monitor has ended")
+        left = _in_time(lambda: rospy.signal_shutdown("the monitor has ended"))
     if replaced:
         rospy.logfatal(f"the monitor has ended: another node was started as {rospy.get_name()}")
         status = 2
+    if not left:
+        rospy.logwarn("the master does not answer: it may list this node although it has ended")
+        sys.stdout.flush()
+        os._exit(status)  # rospy would go on to wait for the master
     return status
+
+
+def _in_time(leave: Callable[[], None]) -> bool:
+    """Whether something that the master must answer is done within `LEAVE_WITHIN`."""
+    leaving = threading.Thread(target=leave, daemon=True)
+    leaving.start()
+    leaving.join(LEAVE_WITHIN)
+    return not leaving.is_alive()
 
 
 def _node_name(options: argparse.Namespace) -> str:
@@ -94,15 +109,23 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             on_revision=board.on_revision, on_episode=board.on_episode, features=("actions",),
         )  # fmt: skip
     link.start()
+    monitor = None
     try:
-        _observe(link, board, names, stopping, simulated=simulated)
-    finally:
+        monitor = _observe(link, board, names, stopping, simulated=simulated)
+    finally:  # first what waits is settled: the master may hang
         close(link, rospy.logerr)
+        if monitor is not None:
+            _in_time(monitor.leave)
     return 2 if failed else 0
 
 
-def _observe(link: Link, board: Board, names: Names, stopping: threading.Event, *, simulated: bool) -> None:
-    """Observe what the server names until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
+def _observe(
+    link: Link, board: Board, names: Names, stopping: threading.Event, *, simulated: bool
+) -> Optional[Monitor]:
+    """Observe what the server names until `stopping` is set; the monitor that has stopped then.
+
+    Raises `CodecError`, or ValueError for a bad remap.
+    """
     attached = wait_attached(link, stopping, rospy.logwarn)
     while attached is not None:
         monitor = Monitor(link, board, names, attached, simulated=simulated)
@@ -111,8 +134,10 @@ def _observe(link: Link, board: Board, names: Names, stopping: threading.Event, 
             time.sleep(CLOCK_PERIOD)  # not `stopping.wait`: a signal that comes inside it would wait for its lock
         monitor.stop()
         if stopping.is_set():
-            return
+            return monitor
+        monitor.leave()
         attached = wait_attached(link, stopping, rospy.logwarn)
+    return None
 
 
 if __name__ == "__main__":

@@ -44,6 +44,7 @@ class ProxiedAction:
         self._types = self._events.types
         self._denied: Mapping[str, Any] = first.get("denied_result") or {}
         write(self._types.inner["result"](), self._denied, lookup_installed)
+        self._answering = False  # whether goals were rejected as it ended
         self._behind = Behind()  # results come behind feedback that is decided on
         self._reporting = threading.Lock()  # held while something that has passed is not reported yet
         self._topics = ActionTopics(self._types, shared.names[action.name], shared.names[first["proxy"]])
@@ -90,9 +91,13 @@ class ProxiedAction:
         """Serve no more: goals that the server has not got are rejected, the others go on there."""
         self._topics.hear_no_more()
         self._behind.release()
-        if self._goals.stop():
+        self._answering = self._goals.stop()
+
+    def leave(self) -> None:
+        """Unregister at the master."""
+        if self._answering:
             time.sleep(UNDERWAY)  # answers that have not arrived yet go with their topic
-        self._topics.end()
+        self._topics.leave()
 
     # From clients
 

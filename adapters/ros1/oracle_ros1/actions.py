@@ -10,7 +10,7 @@ from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import ActionEvents, Event
 from oracle_ros1.actionstatus import Statuses
-from oracle_ros1.observed import headers
+from oracle_ros1.observed import deafen, headers
 from oracle_ros1.shared import Shared
 
 Take = Callable[[rospy.AnyMsg], None]
@@ -57,6 +57,11 @@ class LoggedAction:
 
     def stop(self) -> None:
         """Take no more."""
+        for subscriber in self._subscribers.values():
+            deafen(subscriber)
+
+    def leave(self) -> None:
+        """Unregister at the master."""
         for subscriber in self._subscribers.values():
             subscriber.unregister()
 

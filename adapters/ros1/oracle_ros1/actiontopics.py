@@ -10,7 +10,7 @@ import rospy
 from oracle_ros1.actionmessages import ActionTypes
 from oracle_ros1.actions import Take, connected, subscribed
 from oracle_ros1.codec import CodecError
-from oracle_ros1.observed import Header, header_of, headers
+from oracle_ros1.observed import Header, deafen, header_of, headers
 from oracle_ros1.topics import DEPTH
 
 TO_SERVER = ("goal", "cancel")
@@ -78,9 +78,9 @@ class ActionTopics:
     def hear_no_more(self) -> None:
         """Take nothing more."""
         for subscriber in self.subscribers.values():
-            subscriber.unregister()
+            deafen(subscriber)
 
-    def end(self) -> None:
-        """Give nothing more."""
-        for publisher in self._publishers.values():
-            publisher.unregister()
+    def leave(self) -> None:
+        """Unregister at the master."""
+        for topic in (*self.subscribers.values(), *self._publishers.values()):
+            topic.unregister()

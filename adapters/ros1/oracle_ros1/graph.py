@@ -94,6 +94,9 @@ class Graph:
     def stop(self) -> None:
         """Ask no more, and register nothing again."""
         self._stopping.set()
+
+    def leave(self) -> None:
+        """Wait until nothing is registered again."""
         self._thread.join(ASK_PERIOD)  # longer only where the master hangs
 
     def others(self, topic: str) -> List[str]:

@@ -12,6 +12,7 @@ from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
+from oracle_ros1.observed import deafen
 from oracle_ros1.parts import make_part
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import on_back, simulated_now, wall_now
@@ -62,9 +63,17 @@ class Monitor:
         """Take nothing more, and forward nothing more: what waits is reported as not passed."""
         self._graph.stop()
         if self._jumps is not None:
-            self._jumps.unregister()
+            deafen(self._jumps)
         for part in self._parts:
             part.stop()
+
+    def leave(self) -> None:
+        """Unregister all at the master, which may hang, after `stop`."""
+        self._graph.leave()
+        if self._jumps is not None:
+            self._jumps.unregister()
+        for part in self._parts:
+            part.leave()
 
     def _look(self) -> None:
         """Report the streams' state."""

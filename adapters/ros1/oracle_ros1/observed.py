@@ -139,6 +139,13 @@ def header_of(message: rospy.AnyMsg) -> Header:
     return header
 
 
+def deafen(subscriber: rospy.Subscriber) -> None:
+    """Have nothing more taken, and ask nobody: to unregister, the master must answer."""
+    if subscriber.impl and subscriber.callback is not None:
+        callback, subscriber.callback = subscriber.callback, None
+        subscriber.impl.remove_callback(callback, subscriber.callback_args)
+
+
 def headers(subscriber: rospy.Subscriber) -> List[Header]:
     """The connection headers of the publishers that are connected."""
     connections = subscriber.impl.connections if subscriber.impl else []

@@ -48,7 +48,10 @@ class Part(Protocol):
         """What is wrong, empty for nothing; to be called from time to time."""
 
     def stop(self) -> None:
-        """Take and forward no more."""
+        """Take and forward no more, and wait for nobody."""
+
+    def leave(self) -> None:
+        """Unregister at the master, which may hang."""
 
 
 def action_part(shared: Shared, action: Interface) -> Part:

@@ -47,6 +47,9 @@ class ProxiedService:
     def stop(self) -> None:
         """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has."""
         self._stopped = True
+
+    def leave(self) -> None:
+        """Unregister at the master."""
         self._service.shutdown("the monitor ends")
 
     def _serve(self, request: Any) -> Any:

@@ -14,7 +14,7 @@ from oracle_adapter.interfaces import Interface
 from oracle_adapter.passing import Passing
 
 from oracle_ros1.latches import Latches, latching
-from oracle_ros1.observed import Decoder, Header, Observed, header_of, headers
+from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, headers
 from oracle_ros1.shared import Shared
 
 DEPTH = 1000  # messages that wait for a slow subscriber
@@ -36,6 +36,10 @@ class LoggedTopic:
 
     def stop(self) -> None:
         """Take no more."""
+        deafen(self._subscriber)
+
+    def leave(self) -> None:
+        """Unregister at the master."""
         self._subscriber.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
@@ -93,9 +97,13 @@ class FilteredTopic:
 
     def stop(self) -> None:
         """Take and forward no more."""
+        deafen(self._subscriber)
+        self._stopped = True
+
+    def leave(self) -> None:
+        """Unregister at the master."""
         self._subscriber.unregister()
         with self._latches.lock:
-            self._stopped = True
             if self._publisher is not None:
                 self._publisher.unregister()
 
