@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
+from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.store import Typestore
 
 from oracle_server.core.errors import TraceError
@@ -36,8 +37,9 @@ def message_reader(types: Typestore, name: str, paths: Iterable[str] | None) -> 
     for field, inner in wanted.items():
         own = _OLD_NAMES.get(field, field) if name in _TIMES else field
         if own in fields:
-            parts.append((field, own, _value_reader(types, fields[own], inner)))
-    return lambda message: {field: read(getattr(message, own)) for field, own, read in parts}
+            attribute = normalize_fieldname(own)  # a word of Python's is no attribute's name
+            parts.append((field, attribute, _value_reader(types, fields[own], inner)))
+    return lambda message: {field: read(getattr(message, attribute)) for field, attribute, read in parts}
 
 
 def _grouped(paths: Iterable[str]) -> dict[str, list[str] | None]:

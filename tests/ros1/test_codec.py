@@ -169,6 +169,19 @@ def test_a_definition_that_a_publisher_sends_reads_as_the_installed_one(name: st
     assert json.loads(dumps(read(found.type().deserialize(raw(message))))) == sent(message)
 
 
+@pytest.mark.parametrize("fields", [["from", "pass", "self", "in.sec"], None])
+def test_fields_that_are_words_of_pythons_are_read_and_written_by_their_names(fields: list[str] | None) -> None:
+    text = "float64 from\nbool pass\nint32 self\ntime in\n"
+    kind = genpy.dynamic.generate_dynamic("my_msgs/Move", text)["my_msgs/Move"]
+    whole = {"from": 9.5, "pass": True, "self": 3, "in": {"sec": 2, "nanosec": 0}}
+    message = codec.write(kind(), whole, lookup_installed)
+    assert sent(message, fields) == (whole if fields is None else {**whole, "in": {"sec": 2}})
+    assert codec.lacking(kind, ["from", "in.sec", "in.x", "global"], lookup_installed) == ["in.x", "global"]
+    stamp = stamp_reader(kind, "in")
+    assert stamp is not None
+    assert stamp(message) == 2 * 10**9
+
+
 def filled(name: str) -> list[Any]:
     """A message with one item in each of its sequences."""
     message = lookup_installed(name)()

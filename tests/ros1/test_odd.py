@@ -80,7 +80,7 @@ def test_a_message_that_cannot_be_read_is_told_and_lost_and_does_not_pass(tmp_pa
 
 
 class Odd(Vector3):  # type: ignore[misc]
-    """What no Python class can be made of, since its field is a word of Python's."""
+    """What is not defined as it says."""
 
     _full_text = "float64 x\nint64 lambda\n"
     _md5sum = "0123456789abcdef0123456789abcdef"

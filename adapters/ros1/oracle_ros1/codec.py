@@ -8,6 +8,7 @@ sequences are bytes, which JSON carries as base64; every other sequence is a lis
 from __future__ import annotations
 
 import base64
+import keyword
 import re
 import struct
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence
@@ -41,9 +42,10 @@ def reader(message_type: Any, fields: Optional[Iterable[str]], lookup: Lookup) -
     """
     types = types_of(message_type)
     wanted: Mapping[str, Optional[Sequence[str]]]
-    wanted = dict.fromkeys(types) if fields is None else grouped(fields)
-    parts = [(name, _value_reader(types[name], inner, lookup)) for name, inner in wanted.items() if name in types]
-    return lambda message: {name: read(getattr(message, name)) for name, read in parts}
+    wanted = dict.fromkeys(map(_sent_name, types)) if fields is None else grouped(fields)
+    slots = [(name, attribute(name), inner) for name, inner in wanted.items()]
+    parts = [(name, slot, _value_reader(types[slot], inner, lookup)) for name, slot, inner in slots if slot in types]
+    return lambda message: {name: read(getattr(message, slot)) for name, slot, read in parts}
 
 
 def lacking(message_type: Any, paths: Iterable[str], lookup: Lookup) -> List[str]:
@@ -52,7 +54,7 @@ def lacking(message_type: Any, paths: Iterable[str], lookup: Lookup) -> List[str
 
 
 def _has(message_type: Any, names: Sequence[str], lookup: Lookup) -> bool:
-    kind = types_of(message_type).get(names[0])
+    kind = types_of(message_type).get(attribute(names[0]))
     if kind is None or len(names) == 1:
         return kind is not None
     if kind in _TIMES:
@@ -61,8 +63,17 @@ def _has(message_type: Any, names: Sequence[str], lookup: Lookup) -> bool:
 
 
 def types_of(message_type: Any) -> Dict[str, str]:
-    """A message's fields and their types."""
+    """A message's fields, by the names that genpy has for them, and their types."""
     return dict(zip(message_type.__slots__, message_type._slot_types))  # noqa: SLF001 - genpy's own interface
+
+
+def attribute(name: str) -> str:
+    """What genpy calls a field in Python, where words such as `from` can't be names."""
+    return f"{name}_" if keyword.iskeyword(name) or name == "self" else name
+
+
+def _sent_name(slot: str) -> str:
+    return slot[:-1] if slot == attribute(slot[:-1]) else slot
 
 
 def _value_reader(kind: str, inner: Optional[Sequence[str]], lookup: Lookup) -> Read:
@@ -98,9 +109,10 @@ def write(message: Any, data: Mapping[str, Any], lookup: Lookup, place: str = ""
     types = types_of(type(message))
     for field, value in data.items():
         where = f"{place}.{field}" if place else field
-        if field not in types:
+        slot = attribute(field)
+        if slot not in types:
             raise CodecError(f"{where}: {name} has no such field")
-        setattr(message, field, _written(types[field], getattr(message, field), value, where, lookup))
+        setattr(message, slot, _written(types[slot], getattr(message, slot), value, where, lookup))
     return message
 
 

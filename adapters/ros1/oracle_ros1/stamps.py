@@ -10,6 +10,8 @@ import rospy
 from oracle_adapter.fields import nanoseconds
 from rosgraph_msgs.msg import Clock
 
+from oracle_ros1.codec import attribute
+
 _DEFAULTS = ("header.stamp", "stamp")
 
 Now = Callable[[], Optional[int]]
@@ -55,5 +57,5 @@ def on_back(call: Callable[[], None]) -> rospy.Subscriber:
 
 def _at(message: Any, names: Sequence[str]) -> Any:
     for name in names:
-        message = getattr(message, name, None)
+        message = getattr(message, attribute(name), None)
     return message
