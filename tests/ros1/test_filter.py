@@ -171,6 +171,18 @@ def test_who_publishes_past_the_monitor_is_told(tmp_path: Path) -> None:
         adapter.said("/number: recovered")
 
 
+def test_who_publishes_past_a_monitor_that_ros_remaps_is_told(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter = scene.adapter("gate", more=["/number:=/uav1/number", "/number_mon:=/uav1/asked"])
+        speaker, hearer = scene.peer(), scene.peer()
+        hearer.record(Int64, "/uav1/number", speakers=1)
+        speaker.advertise(Int64, "/uav1/asked")
+        speaker.publish("/uav1/asked", *numbers(7, 8))
+        assert values(hearer.heard("/uav1/number", 1)) == [8]
+        speaker.advertise(Int64, "/uav1/number")
+        adapter.said("/number: /peer0 publishes /uav1/number past the monitor")
+
+
 def test_a_session_made_anew_is_observed_by_the_spec_of_today(tmp_path: Path) -> None:
     with gate(tmp_path) as scene:
         adapter, speaker, hearer = scene.adapter("gate"), scene.peer(), scene.peer()
@@ -264,6 +276,17 @@ def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None
         assert [caller.answer(number)[0].message for number in others] == ["on"] * 3
         assert caller.answer(waiting, wait=False) is None
         adapter.ends_well()
+
+
+def test_a_proxy_that_ros_remaps_is_not_called_missing(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, sneak, caller = scene.adapter("switch", more=["/switch_mon:=/asked"]), scene.peer(), scene.peer()
+        sneak.serve(SetBool, "/switch", say_on)
+        answer, _ = caller.call(SetBool, "/asked", True)
+        assert answer.success
+        sneak.serve(SetBool, "/asked", say_on)
+        adapter.said("/switch: /peer0 serves /asked in the monitor's place")
+        assert "does not know" not in adapter.log
 
 
 def test_another_server_in_the_place_of_the_proxy_is_told(tmp_path: Path) -> None:

@@ -78,11 +78,7 @@ class ProxiedAction:
         """What is wrong; goals that wait for the server, and results that wait for feedback, go on."""
         self._goals.look()
         self._behind.catch_up()
-        past = [
-            f"{node} publishes {topic} past the monitor"
-            for topic in self._topics.given.values()
-            for node in self._graph.others(topic)
-        ]
+        past = [text for topic in self._topics.given.values() for text in self._graph.past(topic)]
         self.bypass = "; ".join(past)
         troubles = [*self._events.troubles(self._topics.subscribers), *past, self._goals.trouble]
         return "; ".join(trouble for trouble in troubles if trouble)

@@ -99,9 +99,14 @@ class Graph:
         """Wait until nothing is registered again."""
         self._thread.join(ASK_PERIOD)  # longer only where the master hangs
 
-    def others(self, topic: str) -> List[str]:
-        """The nodes but this one that published a topic when the master was last asked."""
-        return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
+    def past(self, topic: str) -> List[str]:
+        """Who but this node published a topic of its own when the master was last asked, each in a text.
+
+        The master has names as ROS's remaps of this node make them.
+        """
+        topic = rospy.resolve_name(topic)
+        others = sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
+        return [f"{node} publishes {topic} past the monitor" for node in others]
 
     def not_serving(self, service: str) -> str:
         """Why calls of a service of this node's do not reach it, as last read from the master; empty where they do.
@@ -110,6 +115,7 @@ class Graph:
         """
         if self._servers is None:
             return ""
+        service = rospy.resolve_name(service)
         servers = self._servers.get(service, [])
         others = [
             f"{server} serves {service} in the monitor's place" for server in servers if server != rospy.get_name()

@@ -91,7 +91,7 @@ class FilteredTopic:
             self._publisher.impl.add_headers({"latching": latching(publishers)})
         troubles = [why for why in found if isinstance(why, str)]
         troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
-        past = [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
+        past = self._graph.past(self._given)
         self.bypass = "; ".join(past)
         return "; ".join([*troubles, *past])
 
