@@ -45,8 +45,10 @@ class Observed:
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
         self._reads = stream.get("reads") or ()
-        # by type and md5sum, as types of one definition have one md5sum; a text is why there is none
-        self._decoders: Dict[Tuple[str, str], Union[Decoder, str]] = {}
+        # by type and md5sum, as types of one definition have one md5sum
+        self._decoders: Dict[Tuple[str, str], Decoder] = {}
+        self._unusable: Dict[Tuple[str, str, str], str] = {}  # why there is none, by what the publisher defines too
+        self._refused: Dict[str, str] = {}  # by node, since the last look
         self._unread = 0  # messages since the last event, under the lock
         self.unreadable: Dict[str, str] = {}
         """Why messages of a node can't be read."""
@@ -58,7 +60,7 @@ class Observed:
     def time_source(self) -> Optional[TimeSource]:
         """Where its publication time comes from; None while the type is unknown."""
         # a copy: another publisher may just come
-        known = self.installed or next((d for d in list(self._decoders.values()) if isinstance(d, Decoder)), None)
+        known = self.installed or next(iter(list(self._decoders.values())), None)
         return None if known is None else "field" if known.stamp else "arrival"
 
     @property
@@ -69,14 +71,21 @@ class Observed:
     def decoder(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher with this connection header, or why nothing can."""
         key = header["type"], header["md5sum"]
+        defined = (*key, header.get("message_definition", ""))
         with self._deciding:
-            if key not in self._decoders:
+            if key not in self._decoders and defined not in self._unusable:
                 try:
                     self._decoders[key] = self._found(header)
                 except CodecError as error:
-                    self._decoders[key] = str(error)
-            found = self._decoders[key]
+                    self._unusable[defined] = str(error)
+            found = self._decoders.get(key) or self._unusable[defined]
         return f"nothing of {header.get('callerid')} can be read: {found}" if isinstance(found, str) else found
+
+    def refuse(self, header: Header, why: str) -> None:
+        """Count a message that nothing can decode as lost; the next look tells why."""
+        with self._deciding:
+            self._unread += 1
+            self._refused[header.get("callerid", "an unknown node")] = why
 
     def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Optional[Tuple[Stamp, Any, int]]:
         """The stamp and the data of a message's event, and how many were lost before it.
@@ -84,7 +93,7 @@ class Observed:
         None where it can't be read: then it is one of those, and in `unreadable`.
         """
         if decoder.idle:
-            return self._now, {}, 0
+            return self._now, {}, self._take_unread() if self._unread else 0
         try:
             decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
             stamp = decoder.stamp(decoded) if decoder.stamp else None
@@ -102,10 +111,11 @@ class Observed:
         nodes = {header.get("callerid", "an unknown node"): self.decoder(header) for header in publishers}
         with self._deciding:
             self.unreadable = {node: why for node, why in self.unreadable.items() if node in nodes}
+            refused, self._refused = self._refused, {}
             known = (self.installed, *nodes.values())
             lacking = {found.lacking: None for found in known if isinstance(found, Decoder) and found.lacking}
-            found = (*nodes.values(), *self.unreadable.values(), *self._misplaced(known), *lacking)
-            return [why for why in found if isinstance(why, str)]
+            found = (*nodes.values(), *refused.values(), *self.unreadable.values(), *self._misplaced(known), *lacking)
+            return list(dict.fromkeys(why for why in found if isinstance(why, str)))
 
     def _misplaced(self, decoders: Iterable[Union[Decoder, str, None]]) -> Iterator[str]:
         """Why messages are not ordered by the field that the spec names."""

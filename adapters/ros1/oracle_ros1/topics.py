@@ -26,7 +26,7 @@ class LoggedTopic:
     bypass = ""
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
-        self._link, self._board, self._observed = shared.link, shared.board, Observed(topic.first, shared.now)
+        self._link, self._observed = shared.link, Observed(topic.first, shared.now)
         self.streams = [self._observed]
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
@@ -45,7 +45,7 @@ class LoggedTopic:
     def _take(self, message: rospy.AnyMsg) -> None:
         decoder = self._observed.decoder(header_of(message))
         if isinstance(decoder, str):
-            self._board.trouble(self._observed.name, decoder)
+            self._observed.refuse(header_of(message), decoder)
             return
         event = self._observed.event(message, decoder)
         if event is not None:
@@ -63,7 +63,7 @@ class FilteredTopic:
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
         stream = topic.first
-        self._board, self._graph, self._observed = shared.board, shared.graph, Observed(stream, shared.now)
+        self._graph, self._observed = shared.graph, Observed(stream, shared.now)
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
@@ -111,7 +111,7 @@ class FilteredTopic:
         header = header_of(message)
         decoder = self._prepared(header)
         if isinstance(decoder, str):
-            self._board.trouble(self._observed.name, decoder)
+            self._observed.refuse(header_of(message), decoder)
             return
         event = self._observed.event(message, decoder)
         if event is not None:
