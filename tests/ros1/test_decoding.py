@@ -49,6 +49,17 @@ def test_a_definition_that_can_not_be_read_shuts_out_nobody_else_and_its_message
     assert taken(topic, kind(4.0), bad) == (topic._now, {"v": 4.0}, 0)
 
 
+def test_what_rospy_has_decoded_already_is_read() -> None:
+    from rosgraph_msgs.msg import Clock
+
+    topic, told = observed("rosgraph_msgs/msg/Clock", ["clock.sec"]), header(Clock, "/world")
+    decoder = topic.decoder(told)
+    assert isinstance(decoder, Decoder)
+    clock = Clock(rospy.Time(7))
+    clock._connection_header = told
+    assert topic.event(clock, decoder) == (topic._now, {"clock": {"sec": 7}}, 0)
+
+
 def test_what_a_node_that_has_gone_published_is_told_once() -> None:
     from std_msgs.msg import Float64, Int32
 

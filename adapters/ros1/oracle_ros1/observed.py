@@ -90,12 +90,14 @@ class Observed:
     def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Optional[Tuple[Stamp, Any, int]]:
         """The stamp and the data of a message's event, and how many were lost before it.
 
-        None where it can't be read: then it is one of those, and in `unreadable`.
+        rospy decodes /clock in simulated time, as it has subscribed to that by its type. None where it can't be read: then it is one of those, and in `unreadable`.
         """
         if decoder.idle:
             return self._now, {}, self._take_unread() if self._unread else 0
         try:
-            decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
+            decoded = message
+            if isinstance(message, rospy.AnyMsg):
+                decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
             stamp = decoder.stamp(decoded) if decoder.stamp else None
             data = decoder.read(decoded)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
