@@ -90,7 +90,8 @@ class Observed:
     def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Optional[Tuple[Stamp, Any, int]]:
         """The stamp and the data of a message's event, and how many were lost before it.
 
-        rospy decodes /clock in simulated time, as it has subscribed to that by its type. None where it can't be read: then it is one of those, and in `unreadable`.
+        None where it can't be read: then it is one of those, and in `unreadable`. In simulated time rospy has decoded
+        /clock, to which it has subscribed by its type.
         """
         if decoder.idle:
             return self._now, {}, self._take_unread() if self._unread else 0

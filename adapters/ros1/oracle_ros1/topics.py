@@ -18,16 +18,20 @@ from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, h
 from oracle_ros1.shared import Shared
 
 DEPTH = 1000  # messages that wait for a slow subscriber
+OWN = ("/diagnostics", "/rosout")
+"""Where the monitor itself tells of violations: observed, what it says would violate again, for ever."""
 
 
 class LoggedTopic:
-    """Reports every message of a topic."""
+    """Reports every message of a topic, but for the monitor's own on `OWN`."""
 
     bypass = ""
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
         self._link, self._observed = shared.link, Observed(topic.first, shared.now)
         self.streams = [self._observed]
+        name = rospy.resolve_name(shared.names[topic.name])
+        self._unheard = rospy.get_name() if name in OWN else None
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
@@ -43,14 +47,17 @@ class LoggedTopic:
         self._subscriber.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
-        decoder = self._observed.decoder(header_of(message))
+        header = header_of(message)
+        source = header.get("callerid")
+        if source == self._unheard:
+            return
+        decoder = self._observed.decoder(header)
         if isinstance(decoder, str):
-            self._observed.refuse(header_of(message), decoder)
+            self._observed.refuse(header, decoder)
             return
         event = self._observed.event(message, decoder)
         if event is not None:
             stamp, data, lost = event
-            source = header_of(message).get("callerid")
             self._link.send(self._observed.name, self._observed.kind, stamp, data, source=source, lost=lost)
 
 
