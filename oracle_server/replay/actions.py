@@ -53,7 +53,7 @@ class ActionSource:
         self.topic, self._action, self._role = topic, action, topic.role
         self._type, topic.type = type_name(channel.type), channel.type
         self._types = types_of(channel, known, action_types(channel, known))
-        self._decode = decoder(channel, self._types)
+        self._decode, self._ros1 = decoder(channel, self._types), channel.serialization == "ros1"
         self._plan = ready
         self._keys = {key.kind: key for key in topic.role.streams}
         self._make: Callable[[Any], Iterator[Item]] = self._by_port()[topic.role.port.topic]
@@ -225,7 +225,7 @@ class ActionSource:
             node, name = dict(self._types.fielddefs[outer][1])[kind]
             assert node == Nodetype.NAME  # noqa: S101 -- a goal, a result or feedback is a message
             fields = read_fields(self._plan, self._keys[kind])
-            self._inner[kind] = message_reader(self._types, str(name), fields)
+            self._inner[kind] = message_reader(self._types, str(name), fields, ros1=self._ros1)
         found: dict[str, Any] = self._inner[kind](getattr(message, kind))
         return found
 

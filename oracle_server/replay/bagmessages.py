@@ -1,7 +1,7 @@
 """Converts messages of a bag to plain data, as an adapter would have sent them.
 
 A 32-bit float becomes its shortest decimal, a byte sequence a base64 text, NaN and infinities the wire's texts for
-them, and every other array a list.
+them, and every other array a list, as are the signed numbers of ROS 1's `byte[]`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ Read = Callable[[Any], Any]
 _TIMES = {"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"}
 _OLD_NAMES = {"secs": "sec", "nsecs": "nanosec"}
 _BYTES = frozenset({"uint8", "octet", "byte", "char"})
+_BYTES_OF_ROS1 = frozenset({"uint8", "char"})
 
 
-def message_reader(types: Typestore, name: str, paths: Iterable[str] | None) -> Read:
+def message_reader(types: Typestore, name: str, paths: Iterable[str] | None, *, ros1: bool = False) -> Read:
     """A function from decoded messages to plain data with the fields of these dotted paths, None for all.
 
     Fields that the type does not have are left out. Raises `TraceError` where a type is unknown.
@@ -38,8 +39,22 @@ def message_reader(types: Typestore, name: str, paths: Iterable[str] | None) -> 
         own = _OLD_NAMES.get(field, field) if name in _TIMES else field
         if own in fields:
             attribute = normalize_fieldname(own)  # a word of Python's is no attribute's name
-            parts.append((field, attribute, _value_reader(types, fields[own], inner)))
+            parts.append((field, attribute, _value_reader(types, fields[own], inner, ros1=ros1)))
     return lambda message: {field: read(getattr(message, attribute)) for field, attribute, read in parts}
+
+
+class _Text(bytes):
+    """The bytes of a text as ROS 1 reads them: what is no UTF-8 is replaced."""
+
+    def decode(self, encoding: str = "utf-8", errors: str = "replace") -> str:
+        return super().decode(encoding, errors)
+
+
+def ros1_decoder(types: Typestore) -> Callable[[bytes, str], Any]:
+    """What decodes serialized messages of ROS 1, of a type by name."""
+    for name in types.fielddefs:  # rosbags makes code for each type, which takes texts by `bytes(…).decode()`
+        types.get_msgdef(name).deserialize_ros1.__globals__["bytes"] = _Text
+    return types.deserialize_ros1
 
 
 def _grouped(paths: Iterable[str]) -> dict[str, list[str] | None]:
@@ -55,15 +70,15 @@ def _grouped(paths: Iterable[str]) -> dict[str, list[str] | None]:
     return grouped
 
 
-def _value_reader(types: Typestore, kind: Any, inner: list[str] | None) -> Read:
+def _value_reader(types: Typestore, kind: Any, inner: list[str] | None, *, ros1: bool) -> Read:
     node, of = kind
     if node == Nodetype.NAME:
-        return message_reader(types, of, inner)
+        return message_reader(types, of, inner, ros1=ros1)
     if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
         element = of[0]
-        if element[0] == Nodetype.BASE and element[1][0] in _BYTES:
+        if element[0] == Nodetype.BASE and element[1][0] in (_BYTES_OF_ROS1 if ros1 else _BYTES):
             return lambda values: base64.b64encode(bytes(values)).decode()
-        one = _value_reader(types, element, None)
+        one = _value_reader(types, element, None, ros1=ros1)
         return lambda values: [one(v) for v in (values.tolist() if isinstance(values, np.ndarray) else values)]
     return {"float32": _single, "float64": _double}.get(of[0], _same)
 

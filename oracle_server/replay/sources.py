@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import msgspec
@@ -14,7 +15,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.plan import Plan
 from oracle_server.core.stamps import DEFAULT_PATHS, stamp_fault, stamp_in
-from oracle_server.replay.bagmessages import message_reader
+from oracle_server.replay.bagmessages import message_reader, ros1_decoder
 from oracle_server.replay.coverage import signal_names
 from oracle_server.replay.definitions import EVENT, event_parts, type_name, types_of
 from oracle_server.replay.passing import Filter
@@ -116,9 +117,10 @@ class Source:
         if topic.is_service:
             request, response = event_parts(channel.type)
             parts = {"request": request, "response": response}
-        self._read = {kind: message_reader(types, name, self._fields(kind)) for kind, name in parts.items()}
+        read = partial(message_reader, types, ros1=channel.serialization == "ros1")
+        self._read = {kind: read(name, self._fields(kind)) for kind, name in parts.items()}
         whole = topic.asked is not None or topic.gives is not None
-        self._whole = {kind: message_reader(types, name, None) for kind, name in parts.items()} if whole else {}
+        self._whole = {kind: read(name, None) for kind, name in parts.items()} if whole else {}
 
     def survey(self, time: int, raw: bytes) -> None:
         """Look at a message before all of them are read."""
@@ -196,7 +198,7 @@ def decoder(channel: Channel, types: Typestore) -> Callable[[bytes, str], Any]:
     """What decodes the messages of a channel, of a type by name. Raises `TraceError` where they are not read."""
     if channel.serialization not in ("cdr", "ros1"):
         raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
-    return types.deserialize_ros1 if channel.serialization == "ros1" else types.deserialize_cdr
+    return ros1_decoder(types) if channel.serialization == "ros1" else types.deserialize_cdr
 
 
 def read_fields(ready: Plan, key: StreamKey) -> frozenset[str] | None:
