@@ -51,6 +51,7 @@ class Trace:
     _odd: Counter[tuple[str, StepKind]] = field(default_factory=Counter)
     """Events of the spec's names, which has them of another kind."""
     _lost: int = 0
+    _back: list[str] = field(default_factory=list)  # where simulated time went back
     _names: frozenset[str] = field(init=False)
     _times: Times = field(init=False)
     _attempts: Attempts = field(init=False)
@@ -79,6 +80,8 @@ class Trace:
                     self._times.clocked = self.clocked
                     self.since = _passed(line) if self.clocked else 0
                 self.until = max(self.until, _passed(line) if self.clocked else 0)
+                if line.back:
+                    self._back.append(place)
                 taken = self._attempts.take(line)
                 event = None if taken.name is None else self._event(line, taken.name, place, fault)
                 if event is not None:
@@ -143,6 +146,9 @@ class Trace:
             if count:
                 what = f"{name}: {counted(count, 'event')} of the kind `{kind}`"
                 yield Note(f"{what}, and the spec has another one there", doubt=True)
+        if self._back:
+            what = f"{self._back[0]}: simulated time went back ({counted(len(self._back), 'time')} in all)"
+            yield Note(f"{what}: live a session ended there, and here all is judged as one; cut the log", doubt=True)
         if self._lost:
             yield Note(f"{counted(self._lost, 'event')} lost while it was recorded", doubt=True)
 

@@ -40,7 +40,7 @@ class Line(Struct):
     It has the message as `data`, or its signals as `signals` and `failed`. `otherwise` is the publication time of a
     message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live;
     the first line of a session's trace has `begun`, when the session began. `row` is
-    which element of its message a line of such a trace stands for.
+    which element of its message a line of such a trace stands for. `back`: before it simulated time went back.
     """
 
     stream: str
@@ -65,6 +65,7 @@ class Line(Struct):
     why: str | None = None
     verdict: str | None = None
     begun: Natural | None = None
+    back: bool = False
 
     def message(self) -> dict[str, Any] | Projected:
         """The message, or its signals, to ingest. Raises ValueError where the line lacks what its kind has."""

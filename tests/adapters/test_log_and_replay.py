@@ -50,6 +50,21 @@ def lines_of(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
 
 
+def test_a_clock_that_goes_back_is_in_the_log_and_replay_says_so(streams: Path, tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    log = log_at(path, streams)
+    log.renew(list)  # before the first event nothing goes back
+    for stamp in (5, 6):
+        log.send("/battery_percentage", "topic", stamp, {"id": 1, "percentage": 90.0})
+    log.renew(list)
+    for stamp in (1, 2):
+        log.send("/battery_percentage", "topic", stamp, {"id": 1, "percentage": 90.0})
+    log.close()
+    assert [line.get("back") for line in lines_of(path)] == [None, None, True, None]
+    told = run("replay", SPEC, path)
+    assert f"{path}:3: simulated time went back (1 time in all)" in told.stdout + told.stderr
+
+
 def test_an_event_of_an_action_names_its_goal(streams: Path, tmp_path: Path) -> None:
     log = log_at(tmp_path / "log.jsonl", streams)
     log.send("/dock", "reply", 5, {"accepted": True}, call=3, goal_id="9f2c", status="accepted")

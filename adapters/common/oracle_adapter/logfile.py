@@ -49,6 +49,7 @@ class LogFile:
         self._lock = threading.Lock()
         self._stats = Stats()
         self._seq = self._arrived = 0
+        self._back = False
         try:
             self._file: IO[str] = open(  # noqa: SIM115 - `close` closes it
                 path, "a", encoding="utf-8", newline="\n", buffering=1
@@ -75,6 +76,8 @@ class LogFile:
             self._arrived = max(self._arrived, time.time_ns())
             self._seq += 1
             line.update(seq=self._seq, stamp=published, arrived=self._arrived, data=data)
+            if self._back:
+                line["back"] = True
             try:
                 self._file.write(dumps(line) + "\n")
             except (OSError, ValueError) as error:
@@ -82,6 +85,7 @@ class LogFile:
                 first = self._stats.lost == 1
                 reason = getattr(error, "strerror", None) or str(error)
             else:
+                self._back = False
                 self._stats.sent += 1
                 return True
         if first:
@@ -91,8 +95,10 @@ class LogFile:
     def clock(self, stamps: object) -> None:
         """Ignore it: only the server's ordering needs clocks."""
 
-    def renew(self, stamps: object) -> None:
-        """Ignore it: a log continues where simulated time goes back."""
+    def renew(self, stamps: object) -> None:  # noqa: ARG002
+        """Mark the next event: simulated time went back, where a link would begin a new session."""
+        with self._lock:
+            self._back = self._seq > 0
 
     def report(self, stream: str, kind: str, **facts: object) -> None:
         """Ignore it: there is no server to show it."""
