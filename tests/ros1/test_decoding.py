@@ -49,6 +49,19 @@ def test_a_definition_that_can_not_be_read_shuts_out_nobody_else_and_its_message
     assert taken(topic, kind(4.0), bad) == (topic._now, {"v": 4.0}, 0)
 
 
+def test_times_come_from_a_field_where_a_version_that_is_published_has_one() -> None:
+    from std_msgs.msg import Float64, Header
+
+    text = "Header header\nfloat64 data\n" + "=" * 80 + "\nMSG: std_msgs/Header\n" + Header._full_text
+    newer = genpy.dynamic.generate_dynamic("std_msgs/Float64", text)["std_msgs/Float64"]
+    topic = observed("std_msgs/msg/Float64", ["data"])
+    assert taken(topic, Float64(1.0), header(Float64, "/old")) == (topic._now, {"data": 1.0}, 0)
+    assert (topic.time_source, topic.latency) == ("arrival", None)
+    stamped = newer(header=Header(stamp=genpy.Time(3)), data=2.0)
+    assert taken(topic, stamped, header(newer, "/new")) == (3 * 10**9, {"data": 2.0}, 0)
+    assert (topic.time_source, topic.latency) == ("field", 7)
+
+
 def test_what_rospy_has_decoded_already_is_read() -> None:
     from rosgraph_msgs.msg import Clock
 

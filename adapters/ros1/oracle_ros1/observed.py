@@ -58,10 +58,13 @@ class Observed:
 
     @property
     def time_source(self) -> Optional[TimeSource]:
-        """Where its publication time comes from; None while the type is unknown."""
+        """Where its publication time comes from; None while the type is unknown.
+
+        That of the messages where some version of the type that is published has one, installed or not.
+        """
         # a copy: another publisher may just come
-        known = self.installed or next(iter(list(self._decoders.values())), None)
-        return None if known is None else "field" if known.stamp else "arrival"
+        known = [*([self.installed] if self.installed else ()), *list(self._decoders.values())]
+        return None if not known else "field" if any(decoder.stamp for decoder in known) else "arrival"
 
     @property
     def latency(self) -> Optional[int]:
