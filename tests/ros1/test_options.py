@@ -43,6 +43,7 @@ def test_words_of_ros_are_options_and_go_no_further() -> None:
         (("--log", "x", "--streams", "y", "--spec", "a"), "--log asks no oracle: leave --spec out"),
         (("_log:=x", "_streams:=y", "--session", "a"), "--log asks no oracle: leave --session out"),
         (("--streams", "y"), "--streams is for --log"),
+        (("--monitor", "u" * 201), "--monitor: a name has at most 200 characters"),
     ],
 )
 def test_contradictions_are_refused(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:

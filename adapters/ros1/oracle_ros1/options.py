@@ -9,6 +9,8 @@ from typing import Callable, Dict, FrozenSet, List, Optional, Sequence, Tuple
 import rospy
 from oracle_adapter.command import default, demand_one_oracle, parser
 
+LONGEST = 200
+"""The most characters of a monitor's name."""
 _PRIVATE = re.compile(r"_(?P<name>[a-z]+):=(?P<value>.*)", re.DOTALL)
 _NOT_PRIVATE = frozenset({"remap", "dump_graph"})
 _OTHERS: Sequence[Tuple[FrozenSet[str], FrozenSet[str]]] = (
@@ -37,6 +39,8 @@ def read_options(arguments: Sequence[str], description: Optional[str]) -> Tuple[
         setattr(found, name, value)
     for name, value in vars(found).items():
         setattr(found, name, None if value == "" else value)
+    if len(found.monitor or "") > LONGEST:
+        options.error(f"--monitor: a name has at most {LONGEST} characters, as ROS names a file by it")
     try:
         demand_one_oracle(found)
     except ValueError as error:
