@@ -31,8 +31,8 @@ class Trace:
 
     `clocked` is whether the trace has times of arrival, as its first event has or has not; without them, the newest
     stamp so far is an event's time of arrival. `ignored` counts the events of streams that the spec does not observe;
-    `read` of `size` bytes are read. `since` and `until` are when (ns) the first and the last line arrived, of whatever
-    stream.
+    `read` of `size` bytes are read. `since` and `until` are when (ns) the first line and the last event arrived, of
+    whatever stream.
     """
 
     path: Path
@@ -78,8 +78,9 @@ class Trace:
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
                     self._times.clocked = self.clocked
-                    self.since = _passed(line) if self.clocked else 0
-                self.until = max(self.until, _passed(line) if self.clocked else 0)
+                    self.since = (line.arrived or 0) if self.clocked and line.kind != TICK else 0
+                if self.clocked and line.kind != TICK:
+                    self.until = max(self.until, line.arrived or 0)
                 if line.back:
                     self._back.append(place)
                 taken = self._attempts.take(line)
@@ -173,15 +174,6 @@ def read_lines(path: Path, spec: Spec) -> Trace:
         return Trace(path, spec, lines, path.stat().st_size)
     except OSError as error:
         raise TraceError(f"{path}: can't be read: {error.strerror}") from None
-
-
-def _passed(line: Line) -> int:
-    """Up to when (ns) time has surely passed once a line has come.
-
-    That of a tick is told by its own time: in a simulation it was judged at a time of the server's.
-    """
-    arrived = line.arrived or 0
-    return arrived if line.kind != TICK else min(arrived, (line.stamp or 0) + 1)
 
 
 def _is_cut(text: bytes, read: int, size: int) -> bool:

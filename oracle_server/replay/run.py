@@ -29,6 +29,7 @@ from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
 from oracle_server.replay.episodes import Episodes
 from oracle_server.replay.lacking import Lacking
+from oracle_server.replay.lastdeadline import LastDeadline
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 from oracle_server.replay.settling import Handling, Settling
 from oracle_server.replay.units import Units
@@ -80,7 +81,7 @@ class Replay:
         }
         streams = {key: replace(stream, project=self._counting[key]) for key, stream in ready.streams.items()}
         self._plan = replace(ready, streams=streams)
-        self._unjudged = Unjudged(ready)
+        self._unjudged, self._last_deadline = Unjudged(ready), LastDeadline(self.spec.ordering)
         self._reorder = by is not None
         self._session: Session | None = None
         names = tuple(prop.id for prop in spec.properties)
@@ -149,6 +150,8 @@ class Replay:
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
+            if self.recording.clocked:
+                self._last_deadline.note(recorded)
             if event.stream.kind == TICK:
                 continue  # the new session has deadlines of its own
             if event.monitor not in monitors:
@@ -161,10 +164,12 @@ class Replay:
 
     def _end(self, session: Session) -> Iterator[list[Judged]]:
         """End a session with its recording, which may go on for long after the last event that the spec observes."""
-        until = max(session.now, self.recording.until)
+        until = max(session.now, self.recording.until, self._last_deadline.until)
         if self.recording.lost:
             session.note_loss()
         for judged in _meanwhile(session, until):
+            yield self._answered(judged)
+        for judged in self._last_deadline.settle(session):
             yield self._answered(judged)
         yield self._answered(session.finish(until))
         yield session.end(until)
