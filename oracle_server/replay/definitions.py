@@ -24,6 +24,8 @@ int64 sequence_number
 _TIME = "int32 sec\nuint32 nanosec\n"
 _READ = frozenset({"ros1msg", "ros2msg", "ros2idl"})
 """The kinds of definitions that are read; what has one of another kind is known by its name alone."""
+_SERIALIZATIONS = frozenset({"cdr", "ros1"})
+"""How the messages that are read are serialized."""
 TypesByName = dict[str, Any]
 
 
@@ -36,8 +38,13 @@ def types_of(channel: Channel, known: Typestore, given: TypesByName | None = Non
 
     `known` has what the channel does not define itself, and `given` are its own types where they are known already.
     Raises `TraceError` where a type is unknown, or can't be read as the channel defines it: another of its name may be
-    laid out otherwise. A folder that was named may have it then.
+    laid out otherwise. A folder that was named may have it then. It raises it, too, where messages are serialized in a
+    way that is not read.
     """
+    if channel.serialization not in _SERIALIZATIONS:
+        raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
+    if not channel.type:
+        raise TraceError(f"{channel.topic}: the recording does not tell the type of its messages")
     name = type_name(channel.type)
     try:
         own = _defined(channel) if given is None else given

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import msgspec
 from rosbags.typesys.store import Typestore
 
-from oracle_server.core.errors import TraceError
 from oracle_server.core.events import StreamKey
 from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.plan import Plan
@@ -23,6 +22,13 @@ from oracle_server.replay.recording import Projected
 from oracle_server.replay.roles import EVENTS, Role
 from oracle_server.replay.serviceevents import Calls, Half
 from oracle_server.replay.storage import Channel
+
+_HEADING = 4
+"""Bytes before a message in CDR, of which the first two tell how it is written."""
+_ORDERS = (b"\0\0", b"\0\1")
+"""Big-endian and little-endian."""
+_PADDING = 8
+"""A message without lists and texts has fewer bytes than that behind its end."""
 
 
 class Item(NamedTuple):
@@ -195,10 +201,25 @@ class Source:
 
 
 def decoder(channel: Channel, types: Typestore) -> Callable[[bytes, str], Any]:
-    """What decodes the messages of a channel, of a type by name. Raises `TraceError` where they are not read."""
-    if channel.serialization not in ("cdr", "ros1"):
-        raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
-    return ros1_decoder(types) if channel.serialization == "ros1" else types.deserialize_cdr
+    """What decodes the messages of a channel, of a type by name."""
+    return ros1_decoder(types) if channel.serialization == "ros1" else partial(read_cdr, types)
+
+
+def read_cdr(types: Typestore, raw: bytes, name: str) -> Any:
+    """A message of a type that was serialized as CDR. Raises ValueError and whatever decoding raises.
+
+    What stands behind its end is no part of it, and may be anything: ROS reserves as many bytes as a message of lists
+    and texts has at most, and writes them all. `Typestore.deserialize_cdr` takes that for another type.
+    """
+    if len(raw) < _HEADING or raw[:2] not in _ORDERS:
+        raise ValueError(f"it is no CDR that is read: it begins with the bytes {raw[:2].hex(' ')}")
+    known = types.get_msgdef(name)
+    size = len(raw) - _HEADING
+    if known.size_cdr and size >= known.size_cdr + _PADDING:
+        raise ValueError(f"it has {size} bytes, where each {name} has {known.size_cdr}: its type is another one")
+    decode = known.deserialize_cdr_le if raw[1] else known.deserialize_cdr_be
+    message, _ = decode(raw[_HEADING:], 0, known.cls, types)
+    return message
 
 
 def read_fields(ready: Plan, key: StreamKey) -> frozenset[str] | None:
