@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -26,6 +27,8 @@ _READ = frozenset({"ros1msg", "ros2msg", "ros2idl"})
 """The kinds of definitions that are read; what has one of another kind is known by its name alone."""
 _SERIALIZATIONS = frozenset({"cdr", "ros1"})
 """How the messages that are read are serialized."""
+_WIDE = re.compile(r"^\s*wstring\b", re.MULTILINE)
+_UNREAD = "wstring, which is not read: DDS writes it in several ways, and a recording does not say in which"
 TypesByName = dict[str, Any]
 
 
@@ -49,6 +52,8 @@ def types_of(channel: Channel, known: Typestore, given: TypesByName | None = Non
     try:
         own = _defined(channel) if given is None else given
     except UnreadDefinitionError as error:
+        if _WIDE.search(lines_of(channel)):
+            raise TraceError(f"{channel.topic}: {channel.type} has a field of the type {_UNREAD}") from None
         if not is_given(known, name):
             raise TraceError(f"{channel.topic}: {error}; give the folder of its package with --types") from None
         own = {}
@@ -160,10 +165,14 @@ def _known_event(name: str, known: Typestore) -> TypesByName:
 
 
 def complete(own: TypesByName, channel: Channel, known: Typestore) -> None:
-    """Add the types that others contain. Raises `TraceError` where one is unknown."""
+    """Add the types that others contain. Raises `TraceError` where one is unknown, or is not read."""
     waiting = list(own)
     while waiting:
-        for _, kind in own[waiting.pop()][1]:
+        whole = waiting.pop()
+        for field, kind in own[whole][1]:
+            if _is_wide(kind):
+                what = f"{channel.topic}: the field `{field}` of {whole} is of the type {_UNREAD}"
+                raise TraceError(one_line(what))
             name = _name_in(kind)
             if name is None or name in own:
                 continue
@@ -172,6 +181,14 @@ def complete(own: TypesByName, channel: Channel, known: Typestore) -> None:
                 raise TraceError(f"{what}; give the folder of its package with --types")
             own[name] = known.fielddefs[name]
             waiting.append(name)
+
+
+def _is_wide(kind: Any) -> bool:
+    """Whether a field has texts of wide characters, which the parser of .msg files takes for a message's name."""
+    node, of = kind
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        return _is_wide(of[0])
+    return str(of).endswith("/wstring") if node == Nodetype.NAME else of[0] == "wstring"
 
 
 def _name_in(kind: Any) -> str | None:

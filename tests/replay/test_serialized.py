@@ -91,6 +91,17 @@ UNREAD: dict[str, tuple[tuple[str, str, bytes] | None, str, str]] = {
     "json": (("odd", "jsonschema", b"{}"), "json", "its messages are in 'json', which is not read"),
     "json without a schema": (None, "json", "its messages are in 'json', which is not read"),
     "cdr without a schema": (None, "cdr", "the recording does not tell the type of its messages"),
+    "wide text": (("p/msg/T", "ros2msg", b"int32 a\nwstring b\n"), "cdr", "`b` of p/msg/T is of the type wstring"),
+    "wide texts": (("p/msg/T", "ros2msg", b"wstring[] b\n"), "cdr", "`b` of p/msg/T is of the type wstring"),
+    "wide text within": (
+        ("p/msg/T", "ros2msg", b"Own own\n" + b"=" * 80 + b"\nMSG: p/Own\nwstring b\n"),
+        "cdr", "`b` of p/msg/Own is of the type wstring",
+    ),
+    "short wide text": (("p/msg/T", "ros2msg", b"wstring<=5 b\n"), "cdr", "p/msg/T has a field of the type wstring"),
+    "wide text in IDL": (
+        ("p/msg/T", "ros2idl", b"module p { module msg { struct T { wstring b; }; }; };"),
+        "cdr", "`b` of p/msg/T is of the type wstring",
+    ),
 }  # fmt: skip
 
 
