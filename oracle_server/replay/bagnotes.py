@@ -54,7 +54,8 @@ def _of_topic(topic: Topic) -> Iterator[Note]:
         if topic.unreadable == topic.seen:
             yield Note(f"{topic.name}: none of its {what} {type_}", unusable=True)
         else:
-            yield Note(f"{topic.name}: {topic.unreadable} of its {what} could not be read: {topic.why}", doubt=True)
+            text = f"{topic.name}: {topic.unreadable} of its {what} could not be read: {topic.why}"
+            yield Note(text, doubt=True, unread=topic.role.streams[0].name)
     if topic.seen < topic.promised:
         what = f"of the {counted(topic.promised, 'message')} that it should have"
         if topic.seen:

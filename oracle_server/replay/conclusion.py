@@ -15,7 +15,7 @@ from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.units import counted
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
-from oracle_server.replay.recording import part_of
+from oracle_server.replay.recording import Note, part_of
 from oracle_server.replay.run import Replay
 
 SOUND, VIOLATED, UNUSABLE, UNJUDGED = 0, 1, 2, 3
@@ -75,7 +75,9 @@ def conclude(replay: Replay) -> Conclusion:
         for name, where in replay.unjudged.items()
         if name not in replay.violated
     }
-    doubts = [note.text for note in notes if note.doubt]
+    for name, text in _unread(replay, notes):
+        unjudged.setdefault(name, text)
+    doubts = [note.text for note in notes if note.doubt and note.text not in unjudged.values()]
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
     status = SOUND
     if unusable:
@@ -99,6 +101,15 @@ def still_open(replay: Replay) -> list[str]:
         for name, state in replay.states().items()
         if state.get("pending")
     ]
+
+
+def _unread(replay: Replay, notes: Sequence[Note]) -> Iterator[tuple[str, str]]:
+    """The properties that were not judged at messages which could not be read, each with the reason."""
+    for note in notes:
+        for index in sorted(replay.readers(note.unread)):
+            name = replay.spec.properties[index].id
+            if name not in replay.violated:
+                yield name, note.text
 
 
 def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]) -> Iterator[str]:

@@ -55,7 +55,8 @@ class JunitReport:
         elif end.unusable:
             inside = f"      <error message={_attribute(end.unusable[0])}/>\n"
         elif reason := end.unjudged.get(name.removesuffix(" (arrival)")):
-            message = f"{counted(state['unknown'], 'step')} could not be judged: {reason}"
+            unknown = f"{counted(state['unknown'], 'step')} could not be judged: " if state["unknown"] else ""
+            message = f"{unknown}{reason}"
             inside = f"      <error message={_attribute(message)}/>\n"
         return f"{head}>\n{inside}    </testcase>\n" if inside else f"{head}/>\n"
 

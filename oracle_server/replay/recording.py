@@ -64,12 +64,14 @@ class Recorded(Struct, frozen=True, gc=False):
 class Note(NamedTuple):
     """Something that is to be known of a recording, as one line.
 
-    `doubt`: not all that the spec is about could be judged; `unusable`: none of some stream could be read.
+    `doubt`: not all that the spec is about could be judged; `unusable`: none of some stream could be read. `unread` is
+    the name of a topic, service or action some of whose messages could not be read: what reads it was not judged there.
     """
 
     text: str
     doubt: bool = False
     unusable: bool = False
+    unread: str = ""
 
 
 def part_of(some: int, messages: int) -> str:

@@ -250,6 +250,10 @@ class Replay:
         """What kinds of values a signal of a stream had."""
         return self._counting[stream].kinds(signal)
 
+    def readers(self, name: str) -> Set[int]:
+        """The properties, by their indexes, that read or guard a topic, service or action of this name."""
+        return self._plan.readers.get(name, frozenset())
+
     @property
     def skipped(self) -> int:
         """The events that were late and not judged, in the order that had most of them."""

@@ -13,6 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
+from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import UNUSABLE
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.opening import open_recording
@@ -56,7 +57,7 @@ def test_nothing_that_is_damaged_is_judged_without_a_word(tmp_path: Path) -> Non
             continue
         judged = sum(counts["events"] for counts in found.coverage.values())
         lost = judged < wholes[source]
-        assert not lost or found.status == UNUSABLE or found.doubts, (number, source)
+        assert not lost or found.status == UNUSABLE or found.doubts or found.unjudged, (number, source)
     assert len(tried) == len(sources)
     assert len(DAMAGES) == 4
 
@@ -161,6 +162,42 @@ def test_verdicts_after_a_loss_are_degraded(numbers: Spec, tmp_path: Path) -> No
     path.write_bytes(data)
     lost = [recorded.event.lost for recorded in open_recording(path, numbers)]
     assert lost == [0, 1] + [0] * 17
+
+
+BOTH = """
+id: both
+streams:
+  - {topic: /x, type: std_msgs/msg/Float64, signals: {x: msg.data}}
+  - {topic: /y, type: std_msgs/msg/Float64, signals: {y: msg.data}}
+properties:
+  - {id: low, formula: '{topic: "/x"} -> {x <= MOST}'}
+  - {id: other, formula: '{topic: "/y"} -> {y <= 1000}'}
+"""
+
+
+@pytest.mark.parametrize(("most", "status"), [(1000, 3), (5, 1)])
+def test_what_reads_messages_of_which_some_can_not_be_read_is_not_judged(
+    most: int, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A violation among the others is one all the same."""
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY[:20], "/y": MANY[:20]}, StoragePlugin.MCAP)
+    (path,) = bag.glob("*.mcap")
+    data = path.read_bytes()
+    with AnyReader([path]) as reader:
+        ninth = [bytes(raw) for connection, _, raw in reader.messages() if connection.topic == "/x"][8]
+    path.write_bytes(data.replace(ninth, b"\x77\x77" + ninth[2:], 1))
+    spec = write_spec(tmp_path, BOTH.replace("MOST", str(most)))
+    text = "/x: 1 of its 20 messages could not be read: it is no CDR that is read: it begins with the bytes 77 77"
+    found = judge(load_spec(spec).spec, path)
+    assert not isinstance(found, str)
+    assert found.status == status
+    assert found.unjudged == ({"low": text} if status == 3 else {})
+    assert [*found.unjudged.values(), *found.doubts].count(text) == 1
+    for form in ("text", "junit", "github"):
+        assert run_replay([spec], path, None, form) == status
+        said = "".join(capsys.readouterr())
+        assert text in said
+        assert form != "junit" or status != 3 or f'<error message="{text}' in said
 
 
 def test_a_topic_of_which_nothing_can_be_read_is_no_success(numbers: Spec, tmp_path: Path) -> None:
