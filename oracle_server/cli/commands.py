@@ -7,16 +7,37 @@ import io
 import os
 import sys
 import traceback
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from oracle_server import __version__
 from oracle_server.cli import history, reading, replay, serving, specs, token
 from oracle_server.core.errors import OracleError, one_line
 
+_CUT_OFF = 128 + 13
+"""The exit status where whatever reads the output has ended, as `head` does: a shell's for SIGPIPE."""
+
+
+class _CutOffError(Exception):
+    """The output can't be written any more. As an OSError it would be 1 by the library, which says "violated"."""
+
+
+class _Commands(TyperGroup):
+    """The commands, of which none ends for a reader that is gone as if it had found something."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run one."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise _CutOffError from None
+
+
 app = typer.Typer(
     name="oracle-server",
+    cls=_Commands,
     help="An oracle that watches robots: past-time temporal logic over ROS messages and services.",
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
@@ -73,9 +94,9 @@ def main() -> None:
         sys.stdout.flush()  # what can't be written is told of, too
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
+    except (BrokenPipeError, _CutOffError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes what is left, and would fail
+        sys.exit(_CUT_OFF)
     except Exception as error:
         if sys.flags.dev_mode and not isinstance(error, OracleError):
             raise
