@@ -51,6 +51,14 @@ def test_the_page_shows_what_is_written(tmp_path: Path) -> None:
     assert written[written.index("id: rover") :] == shown[1]
 
 
+def test_a_text_is_called_as_it_is_said(tmp_path: Path) -> None:
+    (tmp_path / "it.hpl").write_text('globally: no /note {data = "é✓"}\n')
+    import_hpl(tmp_path / "it.hpl", tmp_path / "it.yaml", Types(()))
+    spec = parse_spec((tmp_path / "it.yaml").read_text(), "it.yaml").spec
+    assert spec.streams[0].signals == {"data = 'é✓'": 'msg.data == "é✓"'}
+    assert spec.properties[0].text == "globally: no /note {\"data = 'é✓'\"}"
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

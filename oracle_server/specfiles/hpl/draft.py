@@ -37,7 +37,7 @@ class Draft:
 def signal(draft: Draft, topic: str, name: str, text: str) -> str:
     """The name of the signal of a topic that is an expression; it is called as HPL says it."""
     known = draft.signals.setdefault(topic, {})
-    plain = "".join(c if c.isascii() and c.isprintable() and c != "\\" else "?" for c in name.replace('"', "'"))
+    plain = "".join(c if c.isprintable() and c != "\\" else "?" for c in name.replace('"', "'"))
     plain = f"msg.{plain}" if plain in RESERVED or plain == "todo" else plain
     plain = plain if len(plain) <= _LONGEST_NAME else f"{plain[:_LONGEST_NAME]}..."
     called, number = plain, 1
@@ -50,7 +50,7 @@ def signal(draft: Draft, topic: str, name: str, text: str) -> str:
 
 def key(name: str) -> str:
     """A signal's name as the key of an atom: bare where it is a word, and none of a formula's own."""
-    return name if _PLAIN.fullmatch(name) else json.dumps(name)
+    return name if _PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def text_of(draft: Draft, expr: Expr) -> str:
