@@ -25,7 +25,11 @@ def episode_text(frame: Mapping[str, Any]) -> Optional[str]:
     if event != "ended":
         return None
     until, last = frame.get("until"), frame.get("last")
-    lasted = at if until in (None, frame.get("began")) else f"from {at} to {time_text(until)}"
+    lasted = (
+        at
+        if until in (None, frame.get("began"))
+        else f"from {at} on, and still at {time_text(until)}"
+    )
     numbers = f"#{first}" if last in (None, first) else f"#{first} to #{last}"
     count = frame.get("count")
     times = "once" if count == 1 else f"{count} times"

@@ -54,7 +54,7 @@ def test_an_episode_is_one_line_where_it_begins_and_one_where_it_ends(
     board.on_episode({**EPISODE, "event": "retracted"})
     assert screen.errors == [
         f"violation: {why} (#12)",
-        "over: near was violated 3 times, from 01:46:40.012Z to 01:46:41.500Z, "
+        "over: near was violated 3 times, from 01:46:40.012Z on, and still at 01:46:41.500Z, "
         "at worst gap = 0.25, wanted >= 0.5 (#12 to #40)",
         "over: near was violated once, 01:46:40.012Z (#12)",
         "retracted: near was not violated at 01:46:40.012Z (#12): what came late shows it",
