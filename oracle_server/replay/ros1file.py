@@ -68,7 +68,8 @@ class Ros1File(InBlocks):
             position = body + length
         self._ended_early = position < size or not closed
         if self._ended_early:
-            self.damages.append(f"ends early, at byte {position} of {size}: the bag was not closed")
+            where = "in the record at byte" if position < size else "at byte"
+            self.damages.append(f"ends early, {where} {position} of {size}: the bag was not closed")
             self._counts = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
             del self.damages[1:]  # they are found again with the messages
 
