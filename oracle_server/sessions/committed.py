@@ -30,7 +30,7 @@ async def committed(history: History, record: SessionRecord, told: Document) -> 
             stands = PropertyStands(name, Outcome.UNKNOWN, count, violated, None)
             stands = stands if last is None else stands_at(last, i, stands)
             if stands.first_violation != known.get("first_violation"):
-                known = known | await _place(history, record, stands.first_violation)
+                known = known | await first_place(history, record, stands.first_violation)
             properties.append(property_state(stands, order) | known | _told(stands))
     steps = max((last.steps for last in rows.values()), default=0)
     return {"properties": properties, "counters": told["counters"] | {"steps": steps}}
@@ -74,8 +74,8 @@ async def _violations(history: History, number: int) -> _Violations:
             return found
 
 
-async def _place(history: History, record: SessionRecord, first: int | None) -> Document:
-    """Where the first violation was."""
+async def first_place(history: History, record: SessionRecord, first: int | None) -> Document:
+    """Where the first violation was, by the number of its verdict, as a property's state has it."""
     row = None if first is None else await history.step(record.number, (first - 1) // len(record.properties) + 1)
     number, stamp = (None, None) if row is None else (row.number, row.step.stamp)
     return {"first_violation_step": number, "first_violation_at": stamp}

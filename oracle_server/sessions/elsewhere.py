@@ -9,7 +9,7 @@ from oracle_server.core.errors import OracleError
 from oracle_server.history.origins import origin_of, own_name
 from oracle_server.history.port import History
 from oracle_server.history.records import Document, Elsewhere, OtherSession
-from oracle_server.sessions.committed import property_state
+from oracle_server.sessions.committed import first_place, property_state
 from oracle_server.sessions.last import standing
 from oracle_server.sessions.unrestored import bare
 from oracle_server.wire.errors import WireError
@@ -54,10 +54,18 @@ class Others:
     async def state(self, name: str) -> Document | None:
         """How a session stands that another server has, by what is committed; None where none has it."""
         found = await self._history.open_elsewhere(name)
-        return _state(await self._revised(found[0])) if found else None
+        if not found:
+            return None
+        state = _state(await self._revised(found[0]))
+        for prop in state["properties"]:
+            prop.update(await first_place(self._history, found[0].record, prop["first_violation"]))
+        return state
 
     async def states(self, origin: str | None = None) -> list[Document]:
-        """How all of them stand, or those that are forwarded from a robot, the newest first."""
+        """How all of them stand, or those that are forwarded from a robot, the newest first.
+
+        Where a property was violated first is left out: it is a look for each.
+        """
         return [_state(await self._revised(other)) for other in await self._history.open_elsewhere(origin=origin)]
 
     async def _revised(self, other: OtherSession) -> OtherSession:

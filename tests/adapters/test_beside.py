@@ -134,6 +134,8 @@ async def test_what_an_adapter_writes_is_read_while_it_writes(stack: ExitStack, 
     assert [(m["name"], m["attached"], m["connected"]) for m in state["monitors"]] == [("m1", True, True)]
     (even,) = state["properties"]
     assert (even["outcome"], even["violations"], even["first_violation"]) == ("currently_false", 4, 3)
+    first = server.records("s")[2]
+    assert (even["first_violation_step"], even["first_violation_at"]) == (first["step"], first["stamp"])
     assert [s["id"] for s in server.get("sessions")["items"]] == ["s"]
     episodes = server.get("sessions/s/episodes")["items"]
     assert (episodes[0]["first"], episodes[-1]["open"], sum(e["count"] for e in episodes)) == (3, True, 4)
