@@ -20,7 +20,7 @@ _CUT_OFF = 128 + 13
 """The exit status where whatever reads the output has ended, as `head` does: a shell's for SIGPIPE."""
 
 
-class _CutOffError(Exception):
+class CutOffError(OracleError):
     """The output can't be written any more. As an OSError it would be 1 by the library, which says "violated"."""
 
 
@@ -32,7 +32,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
-            raise _CutOffError from None
+            raise CutOffError from None
 
 
 app = typer.Typer(
@@ -94,7 +94,7 @@ def main() -> None:
         sys.stdout.flush()  # what can't be written is told of, too
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(130)
-    except (BrokenPipeError, _CutOffError):
+    except (BrokenPipeError, CutOffError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes what is left, and would fail
         sys.exit(_CUT_OFF)
     except Exception as error:

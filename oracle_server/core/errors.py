@@ -37,7 +37,8 @@ and, where they are raised:
   address that can't be listened at
 - `embedded`: `EmbeddedError`, of an oracle in an adapter's process that can't be opened
 - `server`: `ServerError`, a server that can't start
-- `cli`: `ServerUnreachableError`; `InitError`, of a folder that can not be begun
+- `cli`: `ServerUnreachableError`; `InitError`, of a folder that can not be begun; `CutOffError`, of output that nobody
+  reads any more
 """
 
 from __future__ import annotations
