@@ -64,7 +64,6 @@ class Module(Protocol):
     constants: Mapping[str, Value]
     initial: Mapping[str, Value]
     flags: frozenset[str]
-    changing: frozenset[str]
     scope: Scope
     stream: Stream | None
 
@@ -130,8 +129,6 @@ class _Reader:
         raise UntranslatableError
 
     def _name(self, name: str) -> Value:
-        if name in self.machine.changing and self.state.owner(name) is None:
-            raise UntranslatableError
         found = self.machine.find(name, self.state)
         if found is None and name == "predicates":
             return Predicates()

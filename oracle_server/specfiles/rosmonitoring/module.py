@@ -53,7 +53,8 @@ class PropertyModule:
 
         Raises `UnfollowableError` where the oracle may have called something else, or the function can't be followed.
         """
-        if not isinstance(self.constants.get("abstract_message"), Function):
+        name = "abstract_message"
+        if not isinstance(self.constants.get(name), Function) or name in self.scope.changing:
             raise UnfollowableError
         check(self.function)
         changing = self.scope.changing | sharing(self.constants, self.scope.changing)

@@ -76,8 +76,13 @@ class Machine:
     depth: int = 0
 
     def find(self, name: str, state: State) -> Value | None:
-        """What a name stands for, None where the module does not bind it. Raises `UntranslatableError`."""
+        """What a name stands for, None where the module does not bind it.
+
+        Raises `UntranslatableError` where that is not known, as of what another message may have bound.
+        """
         owner = state.owner(name)
+        if owner is None and name in self.changing:
+            raise UntranslatableError
         found = self.constants.get(name) if owner is None else owner.variables[name]
         if found is None and self.opaque and name not in ("predicates", "dict"):  # which nobody else calls so
             raise UntranslatableError
