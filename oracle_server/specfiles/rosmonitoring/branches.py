@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from oracle_server.specfiles.rosmonitoring.cel import collapsed
-from oracle_server.specfiles.rosmonitoring.expressions import State
+from oracle_server.specfiles.rosmonitoring.state import State
 from oracle_server.specfiles.rosmonitoring.values import (
     Kept,
     Raises,
@@ -21,7 +21,7 @@ def merged(test: Value, yes: State, no: State) -> State:
 
     Raises `UnfollowableError` where nothing can be said of where the function failed in them.
     """
-    found = State(around=yes.around, fails=_failing(test, yes.fails, no.fails))
+    found = State(around=yes.around, fails=_failing(test, yes.fails, no.fails), lost=yes.lost | no.lost)
     for name in dict.fromkeys((*yes.variables, *no.variables)):
         a, b = yes.variables.get(name, Raises("UnboundLocalError")), no.variables.get(name, Raises("UnboundLocalError"))
         found.variables[name] = _chosen(test, a, b)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
 
 from oracle_server.specfiles.rosmonitoring import calls, operators
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, inner, number, truth
 from oracle_server.specfiles.rosmonitoring.fields import member, there
-from oracle_server.specfiles.rosmonitoring.scope import Scope
-from oracle_server.specfiles.rosmonitoring.streams import Stream
+from oracle_server.specfiles.rosmonitoring.state import Module, State, is_lost
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
@@ -35,49 +32,6 @@ from oracle_server.specfiles.rosmonitoring.values import (
     each,
     leaves,
 )
-
-
-@dataclass(slots=True)
-class State:
-    """Variables, what the predicates that were assigned are worth, the function around, and where this one failed."""
-
-    variables: dict[str, Value] = field(default_factory=dict)
-    predicates: dict[str, Value] = field(default_factory=dict)
-    around: State | None = None
-    fails: Value = field(default_factory=lambda: Const(None))
-
-    def copy(self) -> State:
-        """The same values, which change by themselves."""
-        return State(dict(self.variables), dict(self.predicates), self.around, self.fails)
-
-    def owner(self, name: str) -> State | None:
-        """Where a variable is found: here, in a function around this one, or nowhere."""
-        state: State | None = self
-        while state is not None and name not in state.variables:
-            state = state.around
-        return state
-
-
-class Module(Protocol):
-    """What expressions need of the module around them; `statements.Machine` is one."""
-
-    constants: Mapping[str, Value]
-    initial: Mapping[str, Value]
-    flags: frozenset[str]
-    scope: Scope
-    stream: Stream | None
-
-    def find(self, name: str, state: State) -> Value | None:
-        """What a name stands for, None where the module does not bind it. Raises `UntranslatableError`."""
-        ...
-
-    def call(self, name: str, node: ast.Call, state: State) -> Value:
-        """What a call of a function of the module is worth. Raises `UntranslatableError`."""
-        ...
-
-    def assign(self, target: ast.expr, value: Value, state: State) -> None:
-        """Bind a name to a value. Raises `UntranslatableError`."""
-        ...
 
 
 def evaluate(node: ast.expr, state: State, machine: Module) -> Value:
@@ -134,6 +88,8 @@ class _Reader:
             return Predicates()
         if found is None or any(isinstance(leaf, Unread | Function | Imported) for leaf in leaves(found)):
             raise UntranslatableError
+        if is_lost(found, self.state, self.machine):
+            raise UntranslatableError
         return found
 
     def _is_math(self, name: str) -> bool:
@@ -186,13 +142,13 @@ class _Reader:
         found = self.state.predicates.get(name)
         if found is None:
             return Kept(str(name)) if name in self.machine.initial else Raises("KeyError")
-        if any(isinstance(leaf, Unread) for leaf in leaves(found)):
+        if any(isinstance(leaf, Unread) for leaf in leaves(found)) or is_lost(found, self.state, self.machine):
             raise UntranslatableError
         return found
 
     def _of_message(self, key: str) -> Value:
         stream = self.machine.stream
-        if stream is None or key == "time" or stream.hides(key):
+        if stream is None or key == "time" or stream.hides(key) or Field((key,)) in self.state.lost:
             raise UntranslatableError
         if key == stream.key:
             return Const(Name(stream.name))
@@ -355,6 +311,9 @@ class _Reader:
             inner = self.state.copy()
             self.machine.assign(loop.target, value, inner)
             found.append(evaluate(body, inner, self.machine))
+            self.state.lost |= inner.lost
+        if is_lost(over, self.state, self.machine):
+            raise UntranslatableError
         return _items(found, "list")
 
 

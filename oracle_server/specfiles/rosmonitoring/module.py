@@ -9,13 +9,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from oracle_server.specfiles.rosmonitoring.config import ConfigError
-from oracle_server.specfiles.rosmonitoring.expressions import State
 from oracle_server.specfiles.rosmonitoring.functions import check, parameters, unbound
 from oracle_server.specfiles.rosmonitoring.scope import Scope, read_scope
+from oracle_server.specfiles.rosmonitoring.state import State
 from oracle_server.specfiles.rosmonitoring.statements import Machine
 from oracle_server.specfiles.rosmonitoring.streams import Stream
-from oracle_server.specfiles.rosmonitoring.toplevel import follow_top, sharing
-from oracle_server.specfiles.rosmonitoring.values import Const, Function, Message, UnfollowableError, Value
+from oracle_server.specfiles.rosmonitoring.toplevel import follow_top
+from oracle_server.specfiles.rosmonitoring.values import (
+    Const,
+    Function,
+    Message,
+    Ref,
+    UnfollowableError,
+    Value,
+    shared,
+)
 
 _ELSEWHERE = {
     ".rml": "an RML specification", ".pl": "a Prolog specification", ".hoa": "an automaton", ".txt": "a text",
@@ -37,6 +45,8 @@ class PropertyModule:
     constants: dict[str, Value] = field(default_factory=dict)
     scope: Scope = field(default_factory=Scope)
     opaque: bool = False
+    lost: frozenset[Ref] = frozenset()
+    """Lists and dicts among the constants that may change from one message to the next."""
 
     @property
     def argument(self) -> str:
@@ -48,8 +58,8 @@ class PropertyModule:
         """The function, as Python."""
         return ast.unparse(self.function)
 
-    def machine(self, stream: Stream, flags: frozenset[str]) -> Machine:
-        """What follows the function at a message of a stream.
+    def machine(self, stream: Stream, flags: frozenset[str], lost: set[Ref]) -> Machine:
+        """What follows the function at a message of a stream; what it finds to change from then on is added to `lost`.
 
         Raises `UnfollowableError` where the oracle may have called something else, or the function can't be followed.
         """
@@ -57,8 +67,7 @@ class PropertyModule:
         if not isinstance(self.constants.get(name), Function) or name in self.scope.changing:
             raise UnfollowableError
         check(self.function)
-        changing = self.scope.changing | sharing(self.constants, self.scope.changing)
-        return Machine(self.constants, self.initial, flags, changing, self.scope, stream, self.opaque)
+        return Machine(self.constants, self.initial, flags, self.scope.changing, self.scope, lost, stream, self.opaque)
 
     def start(self) -> State:
         """The state in which the function begins: it is called with the message alone."""
@@ -109,10 +118,13 @@ def _module(path: Path, tree: ast.Module) -> PropertyModule:
             f"{path}:{node.lineno}: an oracle gives `abstract_message` the message alone: give a default to "
             f"`{'`, `'.join(sorted(wanting))}`"
         )
+    kept = [*state.predicates.values(), *(state.variables[n] for n in scope.changing & state.variables.keys())]
+    lost = machine.lost | state.lost | {ref for value in kept for ref in shared(value)}
     name = re.sub(r"[^A-Za-z0-9_.-]", "_", path.stem)[:64]
     return PropertyModule(
-        name, " ".join(formula.value.split()), state.predicates, node, state.variables, scope, machine.opaque
-    )
+        name, " ".join(formula.value.split()), state.predicates, node, state.variables, scope, machine.opaque,
+        frozenset(lost),
+    )  # fmt: skip
 
 
 def _functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:

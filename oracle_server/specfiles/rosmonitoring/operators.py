@@ -22,6 +22,7 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Value,
     choice,
     each,
+    leaves,
 )
 
 _ORDER: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], Any]]] = {
@@ -118,6 +119,13 @@ def _operand(leaf: Leaf) -> str | None:
 def arithmetic(left: Value, op: ast.operator, right: Value) -> Value:
     """An operator over numbers or texts. Raises `UntranslatableError`."""
     return pairs(left, right, lambda a, b: _arithmetic(a, op, b))
+
+
+def grows(op: ast.operator, more: Value) -> bool:
+    """Whether an operator as `+=` may change a list or dict in place."""
+    if isinstance(op, ast.Add):
+        return not all(_sort(leaf) == "number" for leaf in leaves(more))
+    return isinstance(op, ast.Mult | ast.BitOr)
 
 
 def _arithmetic(left: Leaf, op: ast.operator, right: Leaf) -> Value:  # noqa: PLR0911 -- a case a pair

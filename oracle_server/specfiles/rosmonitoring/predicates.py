@@ -8,15 +8,18 @@ from typing import Literal
 
 from oracle_server.specfiles.rosmonitoring.fields import member, there
 from oracle_server.specfiles.rosmonitoring.module import PropertyModule
+from oracle_server.specfiles.rosmonitoring.state import State
 from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
+    Field,
     Kept,
     Leaf,
     Message,
     Name,
     Predicates,
     Raises,
+    Ref,
     Table,
     Term,
     Unread,
@@ -64,11 +67,13 @@ def follow(module: PropertyModule, streams: Sequence[Stream], names: Iterable[st
     """What a module makes of some predicates at each of the streams."""
     wanted = sorted(names)
     flags = frozenset(n for n, v in module.initial.items() if isinstance(v, Const) and isinstance(v.value, bool))
+    lost = set(module.lost)
     while True:
-        found = {stream: _at(module, stream, flags, wanted) for stream in streams}
+        before = len(lost)
+        found = {stream: _at(module, stream, flags, lost, wanted) for stream in streams}
         others = {n for n in flags for values, _ in found.values() if not _is_flag(values.get(n, Kept(n)))}
         others |= flags - set(wanted)
-        if not others & flags:
+        if not others & flags and len(lost) == before:
             break
         flags -= others
     initial = module.initial if any(whole for _, whole in found.values()) else {}
@@ -85,11 +90,11 @@ def _is_flag(value: Value) -> bool:
 
 
 def _at(
-    module: PropertyModule, stream: Stream, flags: frozenset[str], names: Sequence[str]
+    module: PropertyModule, stream: Stream, flags: frozenset[str], lost: set[Ref], names: Sequence[str]
 ) -> tuple[dict[str, Value], bool]:
     """The predicates' values at a stream's message, and whether the dictionary `predicates` may be what is returned."""
     try:
-        end = module.machine(stream, flags).follow(module.function.body, module.start())
+        end = module.machine(stream, flags, lost).follow(module.function.body, module.start())
     except (UntranslatableError, RecursionError):
         return {n: Unread(module.python) for n in names}, True
     returned: Value = Raises("nothing is returned") if end.returned is None else end.returned
@@ -98,7 +103,7 @@ def _at(
     found: dict[str, Value] = {}
     for name in names:
         try:
-            found[name] = Unread(module.python) if mixed else each(returned, _Key(name, stream, end.state.predicates))
+            found[name] = Unread(module.python) if mixed else each(returned, _Key(name, stream, end.state))
         except UntranslatableError:
             found[name] = Unread(module.python)
     return found, whole
@@ -110,12 +115,12 @@ class _Key:
 
     name: str
     stream: Stream
-    predicates: Mapping[str, Value]
+    state: State
 
     def __call__(self, leaf: Leaf) -> Value:
         match leaf:
             case Predicates():
-                return _own(self.predicates.get(self.name, Kept(self.name)), self.name)
+                return _own(self.state.predicates.get(self.name, Kept(self.name)), self.name)
             case Table(values):
                 return _own(dict(values).get(self.name, Kept(self.name)), self.name)
             case Const(dict() as value):
@@ -129,7 +134,7 @@ class _Key:
         raise UntranslatableError
 
     def _of_message(self) -> Value:
-        if self.name == "time" or self.stream.hides(self.name):
+        if self.name == "time" or self.stream.hides(self.name) or Field((self.name,)) in self.state.lost:
             raise UntranslatableError
         if self.name == self.stream.key:
             return Const(Name(self.stream.name))

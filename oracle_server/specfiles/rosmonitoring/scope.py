@@ -14,12 +14,22 @@ MUTATORS = frozenset({
 """Methods that change what they belong to."""
 LOGS = frozenset({"print", "logging", "logger", "log", "rospy", "sys", "warnings"})
 """What tells people something, and changes nothing that is judged."""
-ANYTHING = frozenset({"__dict__", "__import__", "delattr", "eval", "exec", "globals", "locals", "modules", "setattr"})
-"""Words by which a name may be bound that is not in the text; `modules` is that of `sys`."""
-_READ = frozenset({"copy", "count", "get", "index", "items", "keys", "values"})
+ANYTHING = frozenset({
+    "__builtins__", "__dict__", "__globals__", "__import__", "builtins", "delattr", "eval", "exec", "f_globals",
+    "globals", "locals", "modules", "setattr", "vars",
+})  # fmt: skip
+"""Words by which a name may be bound that is not in the text; `modules` is that of `sys`, `vars` that of nothing."""
+READ = frozenset({"copy", "count", "get", "index", "items", "keys", "values"})
+"""Methods that only look into a list or dict."""
+SHARING = frozenset({
+    "copy", "dict", "enumerate", "frozenset", "list", "max", "min", "reversed", "set", "sorted", "sum", "tuple", "zip",
+})  # fmt: skip
+"""Functions whose value may have what they were given in it."""
+MODULES = frozenset({"copy", "deepcopy", "json", "math", "os", "re", *LOGS})
+"""What is imported and only looks into what it is given."""
 _READERS = frozenset({
-    "all", "any", "dict", "enumerate", "frozenset", "isinstance", "len", "list", "max", "min", "range", "reversed",
-    "set", "sorted", "str", "sum", "tuple", "zip", "json", "math", "os", "re", *LOGS,
+    "abs", "all", "any", "bin", "bool", "bytes", "chr", "divmod", "float", "format", "hash", "hex", "id", "int",
+    "isinstance", "len", "oct", "ord", "pow", "range", "repr", "round", "str", "type", *SHARING, *MODULES,
 })  # fmt: skip
 
 Definitions = Mapping[str, Sequence[ast.AST]]
@@ -91,7 +101,7 @@ def _changes(function: ast.AST) -> bool:
                 return True
             case ast.Call(ast.Attribute(base, method)) if method in MUTATORS and root(base) not in fresh:
                 return True
-    return bool(mentioned(function) & ANYTHING)
+    return binds_unseen(function)
 
 
 def raises(node: ast.AST) -> bool:
@@ -195,10 +205,20 @@ def mentioned(node: ast.AST) -> set[str]:
     return names | {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
 
 
+def binds_unseen(node: ast.AST) -> bool:
+    """Whether a node may bind names by their text alone, as with `globals()`."""
+    of_others = {id(n.func) for n in ast.walk(node) if isinstance(n, ast.Call) and n.args and root(n.func) == "vars"}
+    return any(
+        (isinstance(n, ast.Attribute) and n.attr in ANYTHING)
+        or (isinstance(n, ast.Name) and n.id in ANYTHING and id(n) not in of_others)
+        for n in ast.walk(node)
+    )
+
+
 def binds_anything(nodes: Iterable[ast.AST]) -> bool:
     """Whether statements may bind names that are not in their text."""
     return any(
-        mentioned(node) & ANYTHING
+        binds_unseen(node)
         or any(isinstance(n, ast.ImportFrom) and n.names[0].name == "*" and n.module != "math" for n in ast.walk(node))
         for node in nodes
     )
@@ -211,36 +231,68 @@ def handed(node: ast.AST, known: Definitions) -> list[ast.Name]:
         match found:
             case ast.Subscript(base, ctx=ast.Load()) | ast.For(_, base) | ast.comprehension(_, base):
                 looked.add(id(base))
-            case ast.Attribute(base, attr) if attr in _READ:
+            case ast.Attribute(base, attr) if attr in READ:
                 looked.add(id(base))
             case ast.Compare(_, ops, others):
                 looked |= {id(o) for op, o in zip(ops, others, strict=True) if isinstance(op, ast.In | ast.NotIn)}
-            case ast.Call(function, arguments) if _is_reader(function, known):
+            case ast.Call(_, arguments) if reads_only(found, known):
                 looked |= {id(a) for a in arguments}
     augmented = {id(n.target) for n in ast.walk(node) if isinstance(n, ast.AugAssign)}
     names = [n for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in looked]
     return [n for n in names if isinstance(n.ctx, ast.Load) or id(n) in augmented]
 
 
-def _is_reader(called: ast.expr, known: Definitions) -> bool:
-    """Whether what is called only looks into its arguments: by a name that no function of the module has."""
-    name = root(called)
-    return name in _READERS and not any(True for node in known.get(name, ()) for _ in _functions(node))
+def reads_only(call: ast.Call, known: Definitions) -> bool:
+    """Whether what is called only looks into its arguments, and calls none of them, by its name.
+
+    That name is then one that no function of the module has.
+    """
+    name = root(call.func)
+    words = mentioned(call.func) - {name}
+    if name not in _READERS or called(name, known) or any(w in MUTATORS or w.startswith("_") for w in words):
+        return False
+    keywords = () if name in LOGS or name == "dict" else (k.value for k in call.keywords)
+    calls = any(isinstance(a, ast.Lambda) or (isinstance(a, ast.Name) and called(a.id, known)) for a in call.args)
+    return not calls and all(
+        isinstance(v, ast.Constant) or (isinstance(v, ast.Name) and v.id in _READERS) for v in keywords
+    )
+
+
+def called(name: str, known: Definitions) -> list[ast.AST]:
+    """What may run where a name is called: functions and classes of the module, and those that they mention."""
+    own = [function for node in known.get(name, ()) for function in _functions(node)]
+    return [function for one in own for node in reached(one, known) for function in _functions(node)]
 
 
 def acts(node: ast.AST, known: Definitions) -> bool:
-    """Whether a node may change what is inside of a value that it only looks into."""
+    """Whether a node may change what is inside of a value that it only looks into.
+
+    What it does by functions of the module that it calls is not of it.
+    """
+    own = {n.arg for n in ast.walk(node) if isinstance(n, ast.arg)}
     for found in ast.walk(node):
         match found:
+            case ast.Attribute(ast.Name("self"), ctx=ast.Store()):
+                pass
             case ast.Subscript(ctx=ast.Store() | ast.Del()) | ast.Attribute(ctx=ast.Store() | ast.Del()):
                 return True
-            case ast.AugAssign() | ast.FunctionDef() | ast.AsyncFunctionDef() | ast.Lambda() | ast.ClassDef():
-                return True
-            case ast.Call(ast.Attribute(_, method)) if method in _READ:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() if not found.decorator_list:
                 pass
-            case ast.Call(function) if not _is_reader(function, known):
+            case ast.ClassDef(bases=[], keywords=[], decorator_list=[]):
+                pass
+            case ast.AugAssign() | ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+                return True
+            case ast.Call(ast.Attribute(_, method)) if method in READ:
+                pass
+            case ast.Call(ast.Name(name)) if name not in own and _are_functions(known.get(name, ())):
+                pass
+            case ast.Call() if not reads_only(found, known):
                 return True
     return False
+
+
+def _are_functions(nodes: Sequence[ast.AST]) -> bool:
+    return bool(nodes) and all(isinstance(node, ast.FunctionDef | ast.ClassDef) for node in nodes)
 
 
 def root(node: ast.expr) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,7 +10,7 @@ from oracle_server.specfiles.rosmonitoring.branches import merged
 from oracle_server.specfiles.rosmonitoring.calls import function
 from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
 from oracle_server.specfiles.rosmonitoring.cel import field as field_text
-from oracle_server.specfiles.rosmonitoring.expressions import State, evaluate
+from oracle_server.specfiles.rosmonitoring.expressions import evaluate
 from oracle_server.specfiles.rosmonitoring.functions import (
     can_be_keys,
     check,
@@ -20,9 +19,11 @@ from oracle_server.specfiles.rosmonitoring.functions import (
     set_outside,
     unbound,
 )
+from oracle_server.specfiles.rosmonitoring.imports import imported
 from oracle_server.specfiles.rosmonitoring.left import leave
-from oracle_server.specfiles.rosmonitoring.operators import arithmetic
+from oracle_server.specfiles.rosmonitoring.operators import arithmetic, grows
 from oracle_server.specfiles.rosmonitoring.scope import LOGS, Scope, root
+from oracle_server.specfiles.rosmonitoring.state import State, is_lost, keep, lose
 from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
@@ -32,16 +33,18 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Items,
     Leaf,
     Raises,
+    Ref,
     Term,
+    Thing,
     UnfollowableError,
     Unread,
     UntranslatableError,
     Value,
     choice,
-    containers,
     each,
     leaves,
     same,
+    shared,
 )
 
 _MAX_STEPS = 4000
@@ -62,7 +65,8 @@ class Machine:
 
     `constants` are what its names stand for, functions among them; others stand for what Python has built in, unless
     the module is `opaque`: then they may stand for anything. `flags` are the predicates that are never anything but
-    Booleans, `changing` the names that keep something from one message to the next.
+    Booleans, `changing` the names that keep something from one message to the next, and `lost` lists and dicts of the
+    constants that do.
     """
 
     constants: Mapping[str, Value] = field(default_factory=dict)
@@ -70,6 +74,7 @@ class Machine:
     flags: frozenset[str] = frozenset()
     changing: frozenset[str] = frozenset()
     scope: Scope = field(default_factory=Scope)
+    lost: set[Ref] = field(default_factory=set)
     stream: Stream | None = None
     opaque: bool = False
     steps: int = 0
@@ -108,12 +113,17 @@ class Machine:
         arguments = self._arguments(called, node, state)
         if called.cached and not can_be_keys(arguments.values()):
             raise UntranslatableError
-        inner = State(unbound(called.node) | arguments, state.predicates, state.owner(called.node.name))
+        around = state.owner(called.node.name)
+        inner = State(unbound(called.node) | arguments, state.predicates, around, lost=state.lost)
         self.depth += 1
         try:
-            return self.follow(called.node.body, inner)
+            end = self.follow(called.node.body, inner)
         finally:
             self.depth -= 1
+        state.lost |= end.state.lost
+        if called.cached and end.returned is not None and any(True for _ in shared(end.returned)):
+            raise UntranslatableError  # the next message gets the same list
+        return end
 
     def _arguments(self, called: Function, node: ast.Call, state: State) -> dict[str, Value]:
         args = called.node.args
@@ -180,25 +190,16 @@ class Machine:
                 self.assign(ast.Name(name), self._defined(statement, state), state)
             case ast.Expr(ast.Call() as call):
                 return self._called(call, state)
+            case ast.Expr(ast.Name(name)) if name.startswith(".") and is_lost(state.variables[name], state, self):
+                raise UnfollowableError  # what a loop goes over, that its own statements gave away
             case ast.Import() | ast.ImportFrom():
-                self._import(statement, state)
-            case ast.Pass() | ast.Global() | ast.Expr(ast.Constant()) | ast.AnnAssign(value=None):
+                for own, thing in imported(statement).items():
+                    self.assign(ast.Name(own), thing, state)
+            case ast.Pass() | ast.Global() | ast.Expr(ast.Constant() | ast.Name()) | ast.AnnAssign(value=None):
                 pass
             case _:
                 raise UntranslatableError
         return None
-
-    def _import(self, statement: ast.Import | ast.ImportFrom, state: State) -> None:
-        """What is imported is not known, but where it is Python's own `math`."""
-        where = "" if isinstance(statement, ast.Import) else f"{'.' * statement.level}{statement.module or ''}."
-        for alias in statement.names:
-            if alias.name != "*":
-                name = alias.name if alias.asname else alias.name.split(".")[0]
-                self.assign(ast.Name(alias.asname or name), Imported(where + name), state)
-            elif where == "math.":
-                state.variables |= {name: Imported(where + name) for name in vars(math) if not name.startswith("_")}
-            else:
-                raise UnfollowableError
 
     def visible(self, state: State) -> list[tuple[str, Value]]:
         """All names and what they stand for, those of the functions around and of the module among them."""
@@ -253,6 +254,7 @@ class Machine:
                 if not isinstance(key, Const) or not isinstance(key.value, str):
                     raise UnfollowableError
                 state.predicates[str(key.value)] = value
+                keep(shared(value), self)
             case ast.Tuple(parts) | ast.List(parts):
                 values = [Const(v) for v in value.value] if isinstance(value, Const) and isinstance(
                     value.value, list | tuple) else list(value.values) if isinstance(value, Items) else []  # fmt: skip
@@ -265,12 +267,15 @@ class Machine:
 
     def _augmented(self, target: ast.expr, op: ast.operator, value: ast.expr, state: State) -> Value:
         """Raises `UnfollowableError` where a list grows that has another name, too."""
+        more = self._worth(value, state)
         if isinstance(target, ast.Name):
-            own = set(containers(self.find(target.id, state)))
-            names = {name for name, other in self.visible(state) if own & set(containers(other))}
-            if names - {target.id}:
+            own = set(shared(self.find(target.id, state)))
+            lists = {ref for ref in own if isinstance(ref, Thing)}
+            if any(n != target.id and lists & set(shared(v)) for n, v in self.visible(state) if n[0] != "."):
                 raise UnfollowableError
-        return arithmetic(self._worth(target, state), op, self._worth(value, state))
+            if grows(op, more):
+                lose(own - lists, state, self)
+        return arithmetic(self._worth(target, state), op, more)
 
     def _branch(
         self, test: Value, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], rest: Sequence[ast.stmt], state: State
@@ -287,6 +292,7 @@ class Machine:
             end.state.fails = end.returned or end.state.fails
         after = merged(test, yes.state, no.state)
         state.variables, state.predicates, state.fails = after.variables, after.predicates, after.fails
+        state.lost = after.lost
         if not ends:
             return End(state.fails, state) if isinstance(state.fails, Raises) else None
         return End(choice(test, yes.returned or Const(None), no.returned or Const(None)), state)
@@ -302,11 +308,12 @@ class Machine:
             values = list(over.values)
         else:
             raise UntranslatableError
+        whole = f".{id(body)}"
+        state.variables[whole] = over
         unrolled: list[ast.stmt] = []
         for i, value in enumerate(values[:65]):
-            name = f".{id(body)}.{i}"
-            state.variables[name] = value
-            unrolled += [ast.Assign([target], ast.Name(name)), *body]
+            state.variables[f"{whole}.{i}"] = value
+            unrolled += [ast.Assign([target], ast.Name(f"{whole}.{i}")), *body, ast.Expr(ast.Name(whole))]
         if len(values) > 64:
             raise UntranslatableError
         return self._follow([*unrolled, *rest], state)
@@ -323,8 +330,10 @@ class Machine:
             raise UntranslatableError
         after = state.copy()
         caught = self.follow([*handler.body, *rest], after).returned or Const(None)
-        if not same(after.predicates, state.predicates):
+        kept = {n: v for n, v in after.predicates.items() if n in state.predicates and same(v, state.predicates[n])}
+        if kept != after.predicates:
             raise UnfollowableError
+        state.lost |= after.lost
 
         def read(leaf: Leaf) -> Value:
             found = function(word, [leaf])
@@ -380,5 +389,6 @@ class Machine:
                 raise UnfollowableError
             try:
                 state.predicates[keyword.arg] = self._worth(keyword.value, state)
+                keep(shared(state.predicates[keyword.arg]), self)
             except UntranslatableError:
                 state.predicates[keyword.arg] = Unread(ast.unparse(keyword))

@@ -8,8 +8,9 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterable, Mapping
 
-from oracle_server.specfiles.rosmonitoring.expressions import State, evaluate
+from oracle_server.specfiles.rosmonitoring.expressions import evaluate
 from oracle_server.specfiles.rosmonitoring.scope import acts, binds_anything, bound, handed, mentioned, reached
+from oracle_server.specfiles.rosmonitoring.state import State
 from oracle_server.specfiles.rosmonitoring.statements import Machine
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
@@ -18,7 +19,7 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Unread,
     UntranslatableError,
     Value,
-    containers,
+    shared,
 )
 
 
@@ -56,8 +57,8 @@ def follow_top(statement: ast.stmt, state: State, machine: Machine) -> None:
 
 def sharing(variables: Mapping[str, Value], names: Iterable[str]) -> frozenset[str]:
     """The names of what may be changed by way of some names, too."""
-    own = {i for name in names if name in variables for i in containers(variables[name])}
-    return frozenset(name for name, value in variables.items() if own & set(containers(value)))
+    own = {i for name in names if name in variables for i in shared(variables[name])}
+    return frozenset(name for name, value in variables.items() if own & set(shared(value)))
 
 
 def _spoil(statement: ast.stmt, state: State, machine: Machine) -> None:
@@ -73,7 +74,7 @@ def _spoil(statement: ast.stmt, state: State, machine: Machine) -> None:
     names |= sharing(state.variables, touched | (looked_into if any(acts(one, known) for one in nodes) else set()))
     if "predicates" in names | touched:
         state.predicates = _named(statement, python)
-    shares = frozenset(i for name in looked_into for i in containers(state.variables[name]))
+    shares = frozenset(i for name in looked_into for i in shared(state.variables[name]))
     state.variables |= {name: Unread(python, shares) for name in names - {"predicates"}}
 
 
@@ -87,7 +88,7 @@ def _without_methods(statement: ast.stmt) -> ast.stmt:
 
 def _is_deep(value: Value | None) -> bool:
     """Whether a value has lists or dicts inside of others, which may be changed by whoever looks into it."""
-    return len(set(containers(value))) > 1
+    return len(set(shared(value))) > 1
 
 
 def _initial(value: ast.expr, state: State, machine: Machine) -> dict[str, Value]:

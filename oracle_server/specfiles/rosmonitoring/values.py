@@ -111,10 +111,10 @@ class Raises:
 
 @dataclass(frozen=True, slots=True)
 class Unread:
-    """Python that could not be translated; `shares` are the identities of lists and dicts that may be in its value."""
+    """Python that could not be translated; `shares` is what may change in its value."""
 
     python: str
-    shares: frozenset[int] = frozenset()
+    shares: frozenset[Ref] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,9 +149,31 @@ Leaf = Const | Term | Field | Items | Table | Message | Predicates | Kept | Rais
 Value = Leaf | Choice
 
 
-def same(left: object, right: object) -> bool:
-    """Whether two values are one; 1 and True are not."""
-    return repr(left) == repr(right)
+class Thing:
+    """A list, set or dict, by its identity."""
+
+    __slots__ = ("_itself",)
+
+    def __init__(self, itself: object) -> None:
+        self._itself = itself
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Thing) and self._itself is other._itself
+
+    def __hash__(self) -> int:
+        return id(self._itself)
+
+    def __repr__(self) -> str:
+        return f"Thing({id(self._itself)})"
+
+
+Ref = Thing | Message | Field | Predicates
+"""What may change where somebody has it: also the message, what is under one of its keys, and `predicates`."""
+
+
+def same(left: Value, right: Value) -> bool:
+    """Whether two values are one; 1 and True are not, and neither are two lists that are alike."""
+    return repr(left) == repr(right) and set(shared(left)) == set(shared(right))
 
 
 def choice(test: Value, yes: Value, no: Value) -> Value:
@@ -200,23 +222,40 @@ def checked(value: Value) -> Value:
     return value
 
 
-def containers(value: object) -> Iterator[int]:
-    """The identities of what may be changed in a value: of its lists, sets and dicts, and those inside of them."""
+def shared(value: object) -> Iterator[Ref]:
+    """What may change in a value: its lists, sets and dicts, and those inside of them; all under a key is one."""
     match value:
-        case Const(inner):
-            yield from containers(inner)
+        case Const(known):
+            yield from shared(known)
+        case Choice(_, yes, no):
+            yield from (*shared(yes), *shared(no))
         case Unread(_, shares):
             yield from shares
-        case Choice(_, yes, no):
-            yield from (*containers(yes), *containers(no))
         case Function(_, defaults):
-            yield from (i for v in defaults.values() for i in containers(v))
+            yield from (ref for v in defaults.values() for ref in shared(v))
+        case Message() | Predicates():
+            yield value
+        case Field(path):
+            yield Field(path[:1]) if path else Message()
         case list() | set() | dict() | Items() | Table():
-            yield id(value)
+            yield Thing(value)
+            yield from inside(value)
+        case tuple():
+            yield from inside(value)
+
+
+def inside(value: object) -> Iterator[Ref]:
+    """What may change in what is found by looking into a value: not the list itself, but its items."""
     match value:
+        case Const(known):
+            yield from inside(known)
+        case Choice(_, yes, no):
+            yield from (*inside(yes), *inside(no))
         case dict():
-            yield from (i for v in value.values() for i in containers(v))
+            yield from (ref for v in value.values() for ref in shared(v))
         case Table(named):
-            yield from (i for _, v in named for i in containers(v))
-        case list() | tuple() | Items():
-            yield from (i for v in (value.values if isinstance(value, Items) else value) for i in containers(v))
+            yield from (ref for _, v in named for ref in shared(v))
+        case list() | tuple() | set() | Items():
+            yield from (ref for v in (value.values if isinstance(value, Items) else value) for ref in shared(v))
+        case _:
+            yield from shared(value)
