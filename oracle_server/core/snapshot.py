@@ -56,7 +56,8 @@ class RevisingSnapshot(TypedDict):
     latest of all. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
 
     The counters are of all rows up to the position `counted`, behind which it is `degraded` by what was lost. Older
-    versions lack both; what they saved last was mostly saved behind the last row, when they were stopped.
+    versions lack both; what they saved last was mostly saved behind the last row, when they were stopped. They lack
+    `beneath` too: their engines took no steps once it was said that a property is negative for good.
     """
 
     judge: JudgeSnapshot
@@ -69,6 +70,7 @@ class RevisingSnapshot(TypedDict):
     counted: NotRequired[int]
     degraded: NotRequired[bool]
     finals: Sequence[tuple[str | None, int, bool]]
+    beneath: NotRequired[bool]
 
 
 class SessionSnapshot(TypedDict):

@@ -56,12 +56,16 @@ class RevisableState(PropertyState):
         allowed: int = MAX_WORK,
     ) -> Outcome:
         """The outcome at the next step; see `PropertyState.step`."""
-        if self.said or self.repeated is not None:
+        if self.repeated is not None or not self.is_asked:
             self.work = 0
             self.changed.append(self)
             return self.repeated or self._final(time)
         self.work = self.idle_work = 0
-        self.unanswered = ()
+        self.unanswered, self.is_innocent = (), False
+        if self.final is not None and self._goes_on:
+            self.changed.append(self)
+            self._ask_beneath(view, time, signals, failed, allowed)
+            return self._final(time)
         outcome = self._ask_engine(view, time, signals, failed, allowed)
         if outcome is _HOLDS and outcome is self.outcome and self.final is None and not failed:
             return outcome  # as nearly always: nothing changes with such a step
@@ -90,7 +94,9 @@ class RevisableState(PropertyState):
 
     def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step without signals but held ones, in the place of the next one."""
-        return PropertyState.silent(self, view, time, signals, failed) if self.final is None else self.final.current
+        if self.final is not None and not self._goes_on:
+            return self.final.current
+        return PropertyState.silent(self, view, time, signals, failed)
 
     def end(self) -> Outcome:
         """The outcome once nothing will come any more: what was final within the horizon is said to be."""
@@ -130,8 +136,17 @@ class RevisableState(PropertyState):
 
     @property
     def is_lost_beneath(self) -> bool:
-        """Whether it is latched: its engine is not asked for more than what is final."""
-        return self.property.latch and self.final is Outcome.FALSE
+        """Whether it is latched, and its engine can't tell any more what its formula comes to."""
+        return self.property.latch and self.final is Outcome.FALSE and not self._goes_on
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether its engine takes every step."""
+        return self._goes_on or not self.said
+
+    def stop_beneath(self) -> None:
+        """Ask its engine no more where it is latched, since that has missed steps."""
+        self._goes_on = False
 
     def stand(self) -> Stand:
         """How it stands."""

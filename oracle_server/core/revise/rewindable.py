@@ -61,7 +61,7 @@ class RewindableJudge(Judge):
         point = self.keeping.last
         self._recent.remove(self.counters.steps - point.steps)
         for state, engine, stand in zip(self._states, self._engines, point.properties, strict=True):
-            if state.broken is None and not state.said:
+            if state.broken is None and state.is_asked:
                 engine.rewind(point.steps, point.present, point.before)
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated

@@ -80,6 +80,7 @@ class SavableJudge(RevisingJudge):
             "counted": self._next_position() - 1,
             "degraded": self._degraded,
             "finals": [(state.final, state.final_since, state.said) for state in self._states],
+            "beneath": True,
         }
 
     def load(self, data: RevisingSnapshot, numbers: Iterator[int]) -> None:
@@ -87,7 +88,9 @@ class SavableJudge(RevisingJudge):
         self.restore(data["judge"], numbers)
         for state, engine, (final, since, said) in zip(self._states, self._engines, data["finals"], strict=True):
             state.final, state.final_since, state.said = None if final is None else Outcome(final), since, said
-            if state.broken is None and not state.said:
+            if state.said and not data.get("beneath", False):
+                state.stop_beneath()
+            if state.broken is None and state.is_asked:
                 engine.record()
         self.keeping = Keeping(self.horizon, self._point(data["before"]), floor=data["floor"])
         self.keeping.placed = list(data["included"])
