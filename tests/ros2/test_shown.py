@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.ros2.harness import Peer, Scene
+from tests.ros2.harness import Peer, Scene, eventually
 
 msg = pytest.importorskip("std_msgs.msg")
 diagnostic = pytest.importorskip("diagnostic_msgs.msg")
@@ -125,3 +125,34 @@ def test_the_graph_sees_verdicts_errors_and_diagnostics(tmp_path: Path) -> None:
         late = Seen(peer)  # whoever comes later sees how it stands
         late.verdict("false")
         adapter.ends_well()
+
+
+WELL = """
+id: well
+streams:
+  - topic: /diagnostics
+    type: diagnostic_msgs/msg/DiagnosticArray
+    each: msg.status
+    signals: {level: item.level, source: item.name}
+  - {topic: /rosout, type: rcl_interfaces/msg/Log, signals: {severity: msg.level}}
+properties:
+  - {id: all_well, formula: 'not {level >= 0}'}
+  - {id: no_error, formula: 'not {severity >= 40}'}
+"""
+
+
+def test_what_a_monitor_says_of_violations_is_none_of_its_events(tmp_path: Path) -> None:
+    specs = tmp_path / "specs"
+    specs.mkdir()
+    (specs / "well.yaml").write_text(WELL, encoding="utf-8")
+    with Scene(tmp_path, specs) as scene:
+        scene.adapter("well", monitor="/fleet/uav-1")
+        peer = scene.peer()
+        seen = Seen(peer)
+        publisher = peer.publisher(diagnostic.DiagnosticArray, "/diagnostics", listeners=2)
+        publisher.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name="motor")]))
+        seen.levels(all_well=WARN)  # the monitor has told of the violation, and of much else, and was heard
+        publisher.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name="pump")]))
+        events = eventually(lambda: scene.server.events("s", stream="/diagnostics"), lambda found: len(found) >= 2)
+        assert len(events) == 2
+        assert scene.server.events("s", stream="/rosout") == []

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Sequence
 
 import rclpy
 from oracle_adapter import Board, LinkError, Names, graph_name, open_log
-from oracle_adapter.command import close, default, make_link, parser, wait_attached
+from oracle_adapter.command import close, default, demand_one_oracle, make_link, parser, wait_attached
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -57,6 +57,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     options = parser("oracle_ros2", __doc__)
     options.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
     given = options.parse_args(arguments)
+    try:
+        demand_one_oracle(given)
+    except ValueError as error:
+        options.error(str(error))
     for name, value in vars(given).items():
         setattr(given, name, default(name) if value is None else value or None)
     try:

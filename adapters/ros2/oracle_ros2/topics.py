@@ -99,8 +99,12 @@ class Observed:
         return (self._now() if self._timed_here else info["source_timestamp"]) or None
 
 
+OWN = ("/diagnostics", "/rosout")
+"""Where the monitor itself tells of violations: observed, what it says would violate again, for ever."""
+
+
 class LoggedTopic:
-    """Reports every message of a topic."""
+    """Reports every message of a topic, but for the monitor's own on `OWN`."""
 
     bypass = ""
 
@@ -108,6 +112,8 @@ class LoggedTopic:
         self._link = shared.link
         self.observed = Observed(shared.node, topic.first)
         self.streams = [self.observed]
+        name = shared.node.resolve_topic_name(shared.names[topic.name])
+        self._unheard = shared.node.get_fully_qualified_name() if name in OWN else ""
         self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
 
     @property
@@ -129,6 +135,8 @@ class LoggedTopic:
         self.subscription.stop()
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
+        if self._unheard and self.subscription.publisher(source_of(info)) == self._unheard:
+            return
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
