@@ -16,6 +16,8 @@ import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.spec import IDENTIFIER
+from oracle_server.history.origins import origin_of, own_name
 from oracle_server.sessions.runs import goes_on
 from oracle_server.wire.incoming import Identifier
 
@@ -29,6 +31,10 @@ class TokenError(OracleError):
     """A token file that can't be used, or a token that can't be added or removed."""
 
 
+SessionName = Annotated[str, Field(pattern=f"{IDENTIFIER[:-1]}(@{IDENTIFIER[1:-1]})?$")]
+"""The name of a session, of one that is forwarded too: `s1@robot7`."""
+
+
 class Token(BaseModel):
     """One token as the file has it; without `specs` or `sessions` it is valid for all of them."""
 
@@ -38,7 +44,7 @@ class Token(BaseModel):
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     scopes: Annotated[frozenset[Scope], Field(min_length=1)]
     specs: frozenset[Identifier] | None = None
-    sessions: frozenset[Identifier] | None = None
+    sessions: frozenset[SessionName] | None = None
 
 
 class _File(BaseModel):
@@ -72,7 +78,13 @@ class Grant:
         """Whether the grant is valid for a session: one that it names, or one in which the server has that go on."""
         if self.sessions is None:
             return True
-        return session is not None and (session in self.sessions or any(goes_on(session, s) for s in self.sessions))
+        return session is not None and any(_is_of(session, named) for named in self.sessions)
+
+
+def _is_of(session: str, named: str) -> bool:
+    """Whether a session is the one of a name, or goes on with it; a robot's, where it is forwarded from there."""
+    own, known = own_name(session), own_name(named)
+    return origin_of(session) == origin_of(named) and (own == known or goes_on(own, known))
 
 
 EVERYTHING = Grant(frozenset({"admin"}))

@@ -13,7 +13,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from oracle_server.edge.tokens import Grant, add, hash_of
+from oracle_server.edge.tokens import Grant, TokenError, Tokens, add, hash_of
 from oracle_server.sessions.runs import named
 from tests.whole.client import make_attach, make_event
 from tests.whole.conftest import Starts
@@ -369,3 +369,18 @@ async def test_a_token_s_bounds_hold_for_old_monitors_and_for_traces(guarded: Gu
             pass
     async with connect(f"{url}/legacy/single", additional_headers=headers, proxy=None, open_timeout=PATIENCE):
         pass
+
+
+def test_a_robots_session_at_a_centre_is_covered_by_its_own_name_alone() -> None:
+    robots, own = (Grant(frozenset({"read"}), sessions=frozenset({name})) for name in ("s1@robot7", "s1"))
+    assert [robots.covers_session(name) for name in ("s1@robot7", "s1.run2@robot7")] == [True, True]
+    assert not any(robots.covers_session(name) for name in ("s1", "s1@robot8", "s2@robot7", "s1.run2", None))
+    assert not own.covers_session("s1@robot7")
+
+
+def test_a_token_is_bound_to_a_robots_session(tmp_path: Path) -> None:
+    path = tmp_path / "tokens.json"
+    token = add(path, "r7", ["read"], None, ["s1@robot7"])
+    assert Tokens(path).grant(token) == Grant(frozenset({"read"}), sessions=frozenset({"s1@robot7"}))
+    with pytest.raises(TokenError):
+        add(path, "r8", ["read"], None, ["s1@"])
