@@ -20,13 +20,13 @@ from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.rows import Rows
+from oracle_server.core.settling import NEVER, Settling
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import SECOND, orders
 from oracle_server.core.tally import HoldTimes
 from oracle_server.core.verdicts import FINAL, Judged
 
 Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
-_NEVER = 2**63
 _NONE = frozenset[str]()
 _LOOK_AGAIN = SECOND
 """How long expired deadlines wait while nothing can be judged, in nanoseconds."""
@@ -60,6 +60,9 @@ class Session(Resumable):
             else:
                 self.judges[order] = Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
+        self._settling = Settling(ordering, self.buffer)
+        self.returning = self._settling.returning
+        """Monitors that were attached before a restart: deadlines wait for them."""
         self.counts = self.judges[orders(plan.spec)[0]].counts
         for judge in self.judges.values():
             judge.counts = self.counts
@@ -80,17 +83,15 @@ class Session(Resumable):
         self._enough: Callable[[], bool] = _never
         self._unticked: dict[Order, int] = {}
         """Until when expired deadlines are still to be judged before anything else, where enough was done."""
-        self.ready_since: int | None = 0
-        """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
     @property
     def simulated(self) -> SimulatedTime | None:
         """The time of the simulation that the session runs in; None where its time is the server's."""
         return self._arriving.simulated
 
-    @simulated.setter
-    def simulated(self, time: SimulatedTime | None) -> None:
-        self._arriving.simulated = time
+    def simulate(self) -> None:
+        """Run in the time of a simulation from now on."""
+        self._arriving.simulated = self._settling.simulated(self.plan.spec.by_key)
 
     @property
     def next_deadline(self) -> int | None:
@@ -101,12 +102,13 @@ class Session(Resumable):
         deadline = self.buffer.next_deadline
         if late is not None and late.due is not None:
             deadline = late.due if deadline is None else min(deadline, late.due)
-        if not self._ticking or self.simulated is not None or self.asking:
+        if not self._ticking or self.asking:
             return deadline
         ticks = [
-            max(tick, self._ready_since(order)) + (wait if tick < self._held_since(order) else 2 * wait)
+            due
             for order, judge in self.judges.items()
-            if (wait := self._longest_wait(order)) is not None and (tick := judge.next_deadline) is not None
+            if (tick := judge.next_deadline) is not None
+            and (due := self._settling.due(order, tick, self.now, self.simulated)) is not None
         ]
         if self.suspended:  # no deadline is judged now, however long ago it expired
             ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
@@ -145,6 +147,8 @@ class Session(Resumable):
         if event.lost:  # held events may be younger than what was lost: verdicts are degraded as soon as it is known
             self.note_loss()
         step = self._arriving.step(event)
+        if self.returning:
+            self.returning.hear(event.monitor, None if step.time == step.event.arrived else step.time, self.now)
         if self.begun is None:
             self._begin(step.event.arrived)
         if "arrival" in self.judges:
@@ -158,11 +162,13 @@ class Session(Resumable):
         judged = self.advance(now)
         readings = tuple(readings)
         if self.simulated is not None:
-            self.simulated.update(monitor, readings)
+            self.simulated.update(monitor, readings, self.now)
             if self.begun is None and self.simulated.now is not None:
                 self._begin(self.simulated.now)
         for r in readings:
-            judged += self._judge(self.buffer.clock((monitor, r.stream), self._arriving.clock(r.stamp, self.now)))
+            told = self._arriving.clock(r.stamp, self.now)
+            self.returning.hear(monitor, told, self.now)
+            judged += self._judge(self.buffer.clock((monitor, r.stream), told))
         return judged + self._run_out()
 
     @property
@@ -275,12 +281,9 @@ class Session(Resumable):
     def _run_out(self, *, wholly: bool = False) -> list[Judged]:
         """Judge expired deadlines for which no older event can come any more, or is waited for any longer."""
         judged: list[Judged] = []
-        now = self.now if self.simulated is None else self.simulated.now
         for order in self.judges if self._ticking and not self.rows else ():
-            wait = self._longest_wait(order)
-            reached = []
-            if wait is not None and now is not None and now - wait >= self._ready_since(order):
-                reached.append(self._settled(order, now, wait))
+            settled = self._settling.until(order, self.now, self.simulated)
+            reached = [] if settled is None else [settled]
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # an event of that very time may still come
             if order in self._unticked:
@@ -289,33 +292,10 @@ class Session(Resumable):
                 judged += self._ticks(order, min(max(reached), self._before_due(order)), wholly=wholly)
         return judged
 
-    def _settled(self, order: Order, now: int, wait: int) -> int:
-        """Up to when deadlines have waited long enough; behind what is held, and was in time, for as long again."""
-        held = self._held_since(order)
-        if held > now - wait:
-            return now - wait
-        return max(held - 1, now - 2 * wait) if now - 2 * wait >= self._ready_since(order) else held - 1
-
-    def _held_since(self, order: Order) -> int:
-        """The time of the oldest event held: deadlines of it wait for that, unless it can be put in its place."""
-        first = self.buffer.first if order == "publication" and self.lateness is None else None
-        return _NEVER if first is None else first
-
     def _before_due(self, order: Order) -> int:
         """Up to when deadlines may be judged: those behind what is due come after it."""
         due = self.buffer.due if order == "publication" else None
-        return _NEVER if due is None else due - 1
-
-    def _longest_wait(self, order: Order) -> int | None:
-        """How long an expired deadline waits for events that are no younger, in nanoseconds; None for ever."""
-        if order == "arrival":
-            return 1
-        wait = self.plan.spec.ordering.max_delay
-        return None if wait is None or self.ready_since is None else max(1, wait)
-
-    def _ready_since(self, order: Order) -> int:
-        """Since when monitors are connected again that may send what they kept during a restart, or 0."""
-        return 0 if order == "arrival" or self.simulated is not None else self.ready_since or 0
+        return NEVER if due is None else due - 1
 
     def _ticks(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
         if self.asking:

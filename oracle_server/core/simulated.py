@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Literal
 
 from oracle_server.core.events import StreamKey
@@ -13,6 +16,7 @@ TimeBase = Literal["wall", "sim"]
 """The time base of a monitor's clock: wall time, or the time of a simulation."""
 _LATEST = 2**63 - 1
 """As late as a time can be."""
+_TOLD_APART = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,23 +30,53 @@ class ClockReading:
 class SimulatedTime:
     """The time of a simulation (ns): the newest that a clock has reported, plus the latency that it left out."""
 
-    def __init__(self, streams: Mapping[StreamKey, StreamSpec]) -> None:
-        """Start without a time; `streams` are those that clocks may report."""
+    def __init__(self, streams: Mapping[StreamKey, StreamSpec], kept: int = 0) -> None:
+        """Start without a time; `streams` are those that clocks may report.
+
+        When the clock reached a time is known for `kept` nanoseconds.
+        """
         self.now: int | None = None
-        self._streams = streams
+        self._streams, self._kept = streams, kept
         self._newest = 0
         self._reported: dict[tuple[str, StreamKey], int] = {}
+        self._reached_now = 0
+        self._past: deque[tuple[int, int]] = deque()
+        """Earlier times of the simulation, each behind the server's time at which it was reached."""
 
     def goes_back(self, monitor: str, readings: Iterable[ClockReading]) -> bool:
         """Whether a monitor reports an earlier time of a stream than before: the simulation has restarted."""
         return any(r.stamp < self._reported.get((monitor, r.stream), 0) for r in readings)
 
-    def update(self, monitor: str, readings: Iterable[ClockReading]) -> None:
-        """Take the readings of a monitor's clock."""
+    def update(self, monitor: str, readings: Iterable[ClockReading], server: int) -> None:
+        """Take the readings of a monitor's clock, at a time (ns) of the server."""
         for reading in readings:
             self._reported[monitor, reading.stream] = reading.stamp
             now = min(reading.stamp + self._held_back(self._streams[reading.stream]), _LATEST)
-            self.now = now if self.now is None else max(self.now, now)
+            if self.now is None or now > self.now:
+                self._advance(now, server)
+
+    def at(self, server: int) -> int | None:
+        """The simulation's time (ns) at a time of the server, or an earlier one; None where it is not known."""
+        if self.now is not None and self._reached_now <= server:
+            return self.now
+        i = bisect_right(self._past, server, key=itemgetter(0))
+        return self._past[i - 1][1] if i else None
+
+    def reached(self, time: int) -> int | None:
+        """When (ns), by the server's time, the simulation had reached a time; None where it has not."""
+        if self.now is None or time > self.now:
+            return None
+        i = bisect_left(self._past, time, key=itemgetter(1))
+        return self._past[i][0] if i < len(self._past) else self._reached_now
+
+    def _advance(self, now: int, server: int) -> None:
+        """Reach a later time; of what is kept of the past, a few times are told apart."""
+        past = self._past
+        if self.now is not None and (not past or server - past[-1][0] >= self._kept // _TOLD_APART):
+            past.append((self._reached_now, self.now))
+            while len(past) > 1 and past[1][0] <= server - self._kept:
+                past.popleft()
+        self.now, self._reached_now = now, server
 
     def arrival(self, stamp: int | None) -> int:
         """The arrival (ns) of an event with this stamp; without a clock yet, the newest stamp."""

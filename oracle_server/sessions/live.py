@@ -12,7 +12,7 @@ from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading, SimulatedTime
+from oracle_server.core.simulated import ClockReading
 from oracle_server.core.verdicts import Judged
 from oracle_server.core.weakly import weakly
 from oracle_server.history.port import History
@@ -90,7 +90,7 @@ class LiveSession:
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
-        self._check_reconnected()
+        self.core.returning.came(monitor.name, self.clock.now())
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
@@ -272,9 +272,7 @@ class LiveSession:
         """Continue a restored session: hold its events again, and keep its monitors' places until `await_monitors`."""
         self.ledger.resume(restored)
         if any(known.clock == "sim" for known in restored.monitors.values()):
-            self.core.simulated = SimulatedTime(self.spec.by_key)
-        if self.core.simulated is None and any(known.attached for known in restored.monitors.values()):
-            self.core.ready_since = None
+            self.core.simulate()
         for name, known in restored.monitors.items():
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering)
             monitor.lost, monitor.left = known.lost, known.left
@@ -282,6 +280,7 @@ class LiveSession:
                 monitor.attached, monitor.streams, monitor.clock = True, known.streams, known.clock
                 monitor.bypasses = dict(known.bypasses)
                 self.core.bypass(name, monitor.bypasses)
+                self.core.returning.expect(name)
                 self._deliver(self.core.attach(name, monitor.streams, self._enter()))
         self.presence.note(max(self.opened, self.core.now))
         for step, gap in restored.held:
@@ -313,7 +312,7 @@ class LiveSession:
     def _set_time(self, wanted: Attach) -> None:
         """Let the first monitor choose wall or simulated time. Raises a fatal `WireError` where another one differs."""
         if not self.monitors and wanted.clock == "sim":
-            self.core.simulated = SimulatedTime(self.spec.by_key)
+            self.core.simulate()
         check_time(self.id, wanted, "wall" if self.core.simulated is None else "sim")
 
     def _enter(self) -> int:
@@ -331,11 +330,6 @@ class LiveSession:
         if not self.closing:
             self._request_close(self, reason)
 
-    def _check_reconnected(self) -> None:
-        """After a restart, begin to judge once each restored monitor has reconnected, or its time has expired."""
-        if self.core.ready_since is None and not any(m.attached and m.outbox is None for m in self.monitors.values()):
-            self.core.ready_since = self.clock.now()
-
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
         log.info("monitor did not reconnect", session=self.id, monitor=monitor.name)
@@ -346,7 +340,7 @@ class LiveSession:
             monitor.bypasses.clear()
             self.core.bypass(monitor.name, {})
             self._set_attached(monitor, attached=False)
-            self._check_reconnected()
+            self.core.returning.left(monitor.name, self.clock.now())
             self.credit.close(monitor.name)
             if not self.closing:  # time passes no more, since events are taken no more
                 self._deliver(self.core.detach(monitor.name, self._enter()))

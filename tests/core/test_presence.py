@@ -13,7 +13,7 @@ from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import And, Bound, Once
 from oracle_server.core.presence import grace
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading, SimulatedTime
+from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, record
 from oracle_server.engines.native import NativeEngine
@@ -132,7 +132,7 @@ def test_in_both_orders_each_misses_it() -> None:
 
 def test_a_simulation_begins_with_its_first_clock() -> None:
     session = session_of(SCAN, at=None, by="publication", max_delay=0)
-    session.simulated = SimulatedTime(session.plan.spec.by_key)
+    session.simulate()
     assert session.attach("m", [A, B, MODE], 77_000) == []
     for stream in (A, B, MODE):
         assert session.clock("m", [ClockReading(stream, 1_000)], 77_001) == []

@@ -108,12 +108,12 @@ def test_a_step_without_order_stands_behind_many_deadlines_whoever_is_awaited(aw
         at = T0 + seq * MS
         book.take(session.ingest(Event(A, "m", seq, at, at, {"v": seq, "b": int(seq == 20)})))
     if awaited:
-        session.ready_since = None  # as after a restart, while another monitor is not back
+        session.returning.expect("n")  # as after a restart, while another monitor is not back
     book.take(session.ingest(Event(U, "m2", 1, T0 + 10 * S, T0 + 10 * S, {"u": 1})))
     if restarts:
         session = restored(MANY_DEADLINES, session, book, saved=False)
     else:
-        session.ready_since = T0 + 10 * S
+        session.returning.left("n", T0 + 10 * S)
     book.take(session.attach("m", [A], T0 + 11 * S))
     for second in range(12, 20):
         book.take(session.advance(T0 + second * S))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+from dataclasses import replace
 from typing import Any
 
 from oracle_server.core.engine import Engine
@@ -9,6 +11,7 @@ from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Property, StreamSpec
 from tests.core.sessions import MAX_DELAY, A, B, Feed, Recorder, open_session, prop, stamps
+from tests.core.test_ticks import native
 
 REAL = 1_000_000
 """The server's time, far from the simulation's."""
@@ -22,7 +25,7 @@ def simulated(**ordering: Any) -> tuple[Session, Feed, Recorder]:
         return engine
 
     session = open_session([prop("any", "once {v: 1}")], attach={"m": [A, B]}, streams=STREAMS, maker=maker, **ordering)
-    session.simulated = SimulatedTime(session.plan.spec.by_key)
+    session.simulate()
     return session, Feed(session), engine
 
 
@@ -71,8 +74,40 @@ def test_by_arrival_time_is_simulated_too() -> None:
 
 def test_a_clock_goes_back_where_a_stream_s_reading_does() -> None:
     time = SimulatedTime({s.key: s for s in STREAMS})
-    time.update("m", [ClockReading(A, 100), ClockReading(B, 90)])
+    time.update("m", [ClockReading(A, 100), ClockReading(B, 90)], REAL)
     assert time.now == 105
     assert not time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 90)])
     assert not time.goes_back("n", [ClockReading(A, 1)]), "another monitor may hear of the time later"
     assert time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 89)])
+
+
+def test_deadlines_wait_in_the_server_s_time_however_fast_the_simulation_is() -> None:
+    lives = prop("p", 'once[:100ns] {topic: "/a"}', time="seconds")
+    session = open_session([lives], attach={"m": [A], "n": [B]}, streams=STREAMS, maker=native, max_skew=10**6)
+    session.simulate()
+    feed = Feed(session)
+    feed.clock(A, 1_000, REAL)
+    feed.clock(B, 1_000, REAL, monitor="n")
+    feed(A, 1_000, arrived=REAL)
+    feed.clock(A, 1_001, REAL)
+    feed.clock(B, 9_000, REAL + 1, monitor="n")
+    assert session.next_deadline == REAL + 1 + MAX_DELAY, "also of a simulation that is paused then"
+    assert session.advance(REAL + MAX_DELAY) == []
+    assert [row.step.stamp for row in session.advance(REAL + 1 + MAX_DELAY)] == [1_101]
+
+
+def test_when_the_clock_reached_a_time_is_never_said_to_be_too_early() -> None:
+    rng = random.Random(7)
+    time, told = SimulatedTime({s.key: replace(s, latency=0) for s in STREAMS}, kept=1_000), list[tuple[int, int]]()
+    server, now = 0, 0
+    for _ in range(3_000):
+        server, now = server + rng.choice((0, 1, 7)), now + rng.choice((0, 3, 50))
+        time.update("m", [ClockReading(A, now)], server)
+        told.append((server, now))
+        ago = server - rng.randrange(1_000)
+        known = max((sim for at, sim in told if at <= ago), default=None)
+        found = time.at(ago)
+        assert (found or 0) <= (known or 0)
+        before = max((sim for at, sim in told if at <= ago - 1_000 // 256), default=None)
+        assert before is None or (found is not None and found >= before)
+        assert found is None or (time.reached(found) or 0) <= ago

@@ -12,7 +12,6 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Bound, Formula, Historically, Once, Since
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import SimulatedTime
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import NEGATIVE, Judged, record
 from oracle_server.engines.native import NativeEngine
@@ -105,10 +104,10 @@ def test_a_tick_waits_for_those_that_are_still_to_come_back() -> None:
     feed(A, 10)
     for stream in (A, B, MODE):
         feed.clock(stream, 12, 30)
-    session.ready_since = None
+    session.returning.expect("n")
     assert session.advance(500) == []
     assert [session.next_deadline] == [None]
-    session.ready_since = 500
+    session.returning.left("n", 500)
     assert session.next_deadline == 550
     assert session.advance(549) == []
     feed(B, 14, arrived=549)
@@ -190,9 +189,12 @@ def test_what_comes_at_the_very_time_of_a_deadline_comes_before_its_tick(
     ordering: dict[str, Any], simulated: bool
 ) -> None:
     """A latch would keep the tick for good; where time goes by in steps, as in a simulation, many events come so."""
-    session = session_of(timed(ANSWERED, latch=True), **{"by": "publication", **ordering})
+    session = open_session(
+        [timed(ANSWERED, latch=True)], attach={"m": [A, B, MODE]}, streams=[replace(s, latency=0) for s in STREAMS],
+        maker=native, **{"by": "publication", **ordering},
+    )  # fmt: skip
     if simulated:
-        session.simulated = SimulatedTime({s.key: replace(s, latency=0) for s in STREAMS})
+        session.simulate()
     feed, found = Feed(session), []
     for now, stream in ((10, A), (15, B), (30, A)):
         for each in (A, B, MODE):
