@@ -29,6 +29,8 @@ from oracle_server.core.unmet import idle_exclusions, unmet
 from oracle_server.core.vacuity import vacuous
 from oracle_server.core.withholding import mendable
 
+UNDO_BY_BOTH = "`undo` needs one order: `by: both` judges an event by arrival before it is decided"
+
 
 def inspect(
     spec: Spec, graph: Sequence[GraphNode] | None = None, types: StreamTypes | None = None
@@ -364,8 +366,6 @@ def _undoing(spec: Spec) -> Iterator[SpecProblem]:
                 path, "`undo` is for what no one has seen: requests, and topics with `intercept: publisher`"
             )
         if spec.ordering.by == "both":
-            yield SpecProblem(
-                path, "`undo` needs one order: `by: both` judges an event by arrival before it is decided"
-            )
+            yield SpecProblem(path, UNDO_BY_BOTH)
         if stream.on_unavailable == "pass":
             yield SpecProblem(path, "`undo` needs `on_unavailable: deny`: what passed without a decision did happen")

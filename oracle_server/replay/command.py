@@ -15,11 +15,10 @@ from oracle_server.replay.conclusion import UNJUDGED, conclude, gravest
 from oracle_server.replay.formats import Format, Report, make_report
 from oracle_server.replay.github import Marked
 from oracle_server.replay.opening import refuse_swapped
-from oracle_server.replay.preparing import doubtful, prepare
+from oracle_server.replay.preparing import doubtful, prepare, read_spec
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.annotations import property_places
-from oracle_server.specfiles.load import load_spec
 
 _EVERY = 256
 
@@ -43,7 +42,7 @@ def run_replay(
     """
     refuse_swapped(specs, trace)
     known = Types(types)
-    loaded = [load_spec(path, types=known) for path in specs]
+    loaded = [read_spec(path, known, by) for path in specs]
     marked = [Marked(str(path), property_places(file.text)) for path, file in zip(specs, loaded, strict=True)]
     report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals, specs=marked)
     statuses = []

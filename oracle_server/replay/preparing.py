@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from oracle_server.core.errors import FindingKind
+from oracle_server.core.errors import Finding, FindingKind, SpecError
+from oracle_server.core.hazards import UNDO_BY_BOTH
 from oracle_server.core.spec import By
 from oracle_server.history.views import View
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
 from oracle_server.rostypes.streams import stream_types
-from oracle_server.specfiles.load import SpecFile
+from oracle_server.specfiles.document import read_yaml
+from oracle_server.specfiles.load import SpecFile, load_spec
 
 _OF_FORMULAS = frozenset[FindingKind]({"vacuous", "unjudged"})
 """The warnings of `check` that tell how much a judgement is worth."""
@@ -21,6 +23,21 @@ _OF_FORMULAS = frozenset[FindingKind]({"vacuous", "unjudged"})
 def doubtful(file: SpecFile) -> list[str]:
     """The warnings of a spec's formulas that tell how much a judgement is worth."""
     return [str(found) for found in file.warnings if found.kind in _OF_FORMULAS]
+
+
+def read_spec(path: Path, types: Types, by: By | None) -> SpecFile:
+    """Read a spec to judge by, in another order than its own where one is given.
+
+    Raises `SpecError` where it can't be used, or not in that order.
+    """
+    file = load_spec(path, types=types)
+    if by == "both" and any(stream.on_deny == "undo" for stream in file.spec.streams):
+        document = read_yaml(file.text, str(path))
+        undoing = [i for i, stream in enumerate(document.value["streams"]) if stream.get("on_deny") == "undo"]
+        places = [document.place(("streams", i, "on_deny")) for i in undoing]
+        message = f"{UNDO_BY_BOTH}; leave out `--by both`, or judge by one order"
+        raise SpecError([Finding(str(path), *place, message) for place in places])
+    return file
 
 
 def prepare(

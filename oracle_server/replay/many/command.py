@@ -25,9 +25,9 @@ from oracle_server.replay.many.summary import Tally, named
 from oracle_server.replay.many.tablefile import write_csv
 from oracle_server.replay.many.workers import Ended, Progress, Said, Workers
 from oracle_server.replay.opening import is_recording
-from oracle_server.replay.preparing import doubtful
+from oracle_server.replay.preparing import doubtful, read_spec
 from oracle_server.rostypes.known import Types
-from oracle_server.specfiles.load import SpecFile, load_spec
+from oracle_server.specfiles.load import SpecFile
 
 EngineName = Literal["local", "ray"]
 _NAMED = 20
@@ -77,7 +77,7 @@ def run_many(
     if out is not None and form != "text":
         raise OracleError(f"--out {out}: its format is that of its name; leave out --format and --json")
     known = Types(types)
-    loaded = [_load(path, known) for path in specs]
+    loaded = [_load(path, known, by) for path in specs]
     for file in loaded:
         say(doubtful(file))
     _refuse_questions(loaded, where)
@@ -106,10 +106,10 @@ def run_many(
     return tally.status
 
 
-def _load(path: Path, types: Types) -> SpecFile:
+def _load(path: Path, types: Types, by: By | None) -> SpecFile:
     if is_recording(path):
         raise TraceError(f"{path}: is a recording, and stands where a spec is expected: `replay RECORDING… --on SPEC…`")
-    return load_spec(path, types=types)
+    return read_spec(path, types, by)
 
 
 def _text(path: Path, file: SpecFile) -> Text:
