@@ -12,7 +12,7 @@ import pytest
 from oracle_server.core.events import Event, Order
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading, SimulatedTime
+from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import By, Spec
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
@@ -49,7 +49,7 @@ class Live:
         self.judged: list[Judged] = []
         self._spec, self._server = spec, server
         if server is not None:
-            self.session.simulated = SimulatedTime(spec.by_key)
+            self.session.simulate()
         self.judged += self.session.attach("m", spec.by_key, self._now(0))
         (key,) = spec.by_key
         for n in range(1, 24):
