@@ -34,10 +34,13 @@ class Arriving:
         if event.goal_id is not None:
             signals = {**signals, **event.marks}
             rows = [({**row, **event.marks}, lacking) for row, lacking in rows]
-        simulated = None if self.simulated is None else self.simulated.now
-        stamp = self._published.stamp(event, stream.spec.stamp, simulated)
-        if self.simulated is not None:
-            event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
+        simulated = self.simulated
+        if simulated is None:
+            stamp = self._published.stamp(event, stream.spec.stamp, event.arrived)
+        else:
+            stamp = self._published.stamp(event, stream.spec.stamp, simulated.now if simulated.is_told else None)
+            arrived = simulated.arrival(stamp, event.arrived)
+            event = msgspec.structs.replace(event, arrived=arrived, received=event.arrived)
         stamp = stamp or event.arrived
         if self._revises:  # the step is kept for a horizon, and its message need not be
             event = msgspec.structs.replace(event, data=None)

@@ -67,8 +67,11 @@ class PublicationTimes:
         """`max_skew` (ns) as for `BootClock`."""
         self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(max_skew))
 
-    def stamp(self, event: Event, where: Stamp | None, simulated: int | None) -> int | None:
-        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself."""
+    def stamp(self, event: Event, where: Stamp | None, arrived: int | None) -> int | None:
+        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself.
+
+        `arrived` is in the session's time, None where no clock has told that yet: then no clock of a robot is fixed.
+        """
         if where is None or where.plain:
             return event.stamp or stamp_in(event.data, where)
         if where.epoch == "unix":
@@ -76,5 +79,7 @@ class PublicationTimes:
         since_boot = since_boot_in(event.data, where)
         if since_boot is None:
             return event.stamp
-        known = event.stamp or simulated or event.arrived
+        known = event.stamp or arrived
+        if known is None:
+            return None
         return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)

@@ -90,8 +90,9 @@ class Session(Resumable):
         return self._arriving.simulated
 
     def simulate(self) -> None:
-        """Run in the time of a simulation from now on."""
-        self._arriving.simulated = self._settling.simulated(self.plan.spec.by_key)
+        """Run in the time of a simulation from now on; a restored session has that of its newest step."""
+        known = max(judge.present for judge in self.judges.values()) or None
+        self._arriving.simulated = self._settling.simulated(self.plan.spec.by_key, known)
 
     @property
     def next_deadline(self) -> int | None:
@@ -149,7 +150,7 @@ class Session(Resumable):
         step = self._arriving.step(event)
         if self.returning:
             self.returning.hear(event.monitor, None if step.time == step.event.arrived else step.time, self.now)
-        if self.begun is None:
+        if self.begun is None and not (self.simulated is not None and step.skewed):  # else it is of another time
             self._begin(step.event.arrived)
         if "arrival" in self.judges:
             judged += self._judge_one("arrival", step) if self.asking is None else self._ask("arrival", step)

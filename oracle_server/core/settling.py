@@ -21,11 +21,12 @@ class Settling:
         self.returning = Returning()
         """Monitors that were attached before a restart."""
         self._wait = None if ordering.max_delay is None else max(1, ordering.max_delay)
+        self._max_skew = ordering.max_skew
         self._buffer, self._revises = buffer, ordering.late == "revise"
 
-    def simulated(self, streams: Mapping[StreamKey, StreamSpec]) -> SimulatedTime:
-        """A simulation's time, of which is known as much as deadlines depend on."""
-        return SimulatedTime(streams, 2 * (self._wait or 0))
+    def simulated(self, streams: Mapping[StreamKey, StreamSpec], now: int | None) -> SimulatedTime:
+        """A simulation's time, of which is known as much as deadlines depend on; `now` as of before a restart (ns)."""
+        return SimulatedTime(streams, 2 * (self._wait or 0), self._max_skew, now)
 
     def until(self, order: Order, now: int, simulated: SimulatedTime | None) -> int | None:
         """Up to when (ns) deadlines are settled, None where it is not known; `now` is the server's time.

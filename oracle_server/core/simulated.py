@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Literal
@@ -30,26 +30,48 @@ class ClockReading:
 class SimulatedTime:
     """The time of a simulation (ns): the newest that a clock has reported, plus the latency that it left out."""
 
-    def __init__(self, streams: Mapping[StreamKey, StreamSpec], kept: int = 0) -> None:
-        """Start without a time; `streams` are those that clocks may report.
+    def __init__(
+        self, streams: Mapping[StreamKey, StreamSpec], kept: int = 0, max_skew: int = 0, now: int | None = None
+    ) -> None:
+        """Start without a time, or at that of before a restart; `streams` are those that clocks may report.
 
-        When the clock reached a time is known for `kept` nanoseconds.
+        When the clock reached a time is known for `kept` nanoseconds; times may differ by `max_skew` (ns).
         """
-        self.now: int | None = None
-        self._streams, self._kept = streams, kept
+        self.now = now
+        self.is_told = False
+        """Whether a clock has told the time since the server was started."""
+        self._streams, self._kept, self._max_skew = streams, kept, max_skew
+        self._telling: set[str] = set()
         self._newest = 0
         self._reported: dict[tuple[str, StreamKey], int] = {}
         self._reached_now = 0
         self._past: deque[tuple[int, int]] = deque()
         """Earlier times of the simulation, each behind the server's time at which it was reached."""
 
-    def goes_back(self, monitor: str, readings: Iterable[ClockReading]) -> bool:
-        """Whether a monitor reports an earlier time of a stream than before: the simulation has restarted."""
-        return any(r.stamp < self._reported.get((monitor, r.stream), 0) for r in readings)
+    def goes_back(self, monitor: str, readings: Sequence[ClockReading]) -> bool:
+        """Whether a monitor reports an earlier time of a stream than before: the simulation has restarted.
+
+        So it has, too, where no monitor is there that has told the session's time, and the first one is behind it.
+        """
+        if any(r.stamp < self._reported.get((monitor, r.stream), 0) for r in readings):
+            return True
+        if self._telling or self.now is None or not readings:
+            return False
+        return max(r.stamp + self._held_back(self._streams[r.stream]) for r in readings) < self.now - self._max_skew
+
+    def trust(self, monitor: str) -> None:
+        """Note that a monitor is the same process as before: it may be behind, and says itself where time goes back."""
+        self._telling.add(monitor)
+
+    def leave(self, monitor: str) -> None:
+        """Note that a monitor is not there any more."""
+        self._telling.discard(monitor)
 
     def update(self, monitor: str, readings: Iterable[ClockReading], server: int) -> None:
         """Take the readings of a monitor's clock, at a time (ns) of the server."""
         for reading in readings:
+            self.is_told = True
+            self._telling.add(monitor)
             self._reported[monitor, reading.stream] = reading.stamp
             now = min(reading.stamp + self._held_back(self._streams[reading.stream]), _LATEST)
             if self.now is None or now > self.now:
@@ -78,12 +100,23 @@ class SimulatedTime:
                 past.popleft()
         self.now, self._reached_now = now, server
 
-    def arrival(self, stamp: int | None) -> int:
-        """The arrival (ns) of an event with this stamp; without a clock yet, the newest stamp."""
-        if self.now is not None:
+    def arrival(self, stamp: int | None, server: int) -> int:
+        """The arrival (ns) of an event with this stamp, at a time of the server; without a clock yet, the newest stamp.
+
+        A stamp of the server's own time is none of the simulation.
+        """
+        if self.now is not None and self.is_told:
             return self.now
-        self._newest = max(self._newest, stamp or 0)
-        return stamp or self._newest
+        self._newest = max(self._newest, self.now or 0)
+        if stamp is not None and not self._is_of_wall(stamp, server):
+            self._newest = max(self._newest, stamp)
+            return max(stamp, self.now or 0)
+        return self._newest
+
+    def _is_of_wall(self, stamp: int, server: int) -> bool:
+        """Whether a stamp is rather of the server's time, as far as can be told without a clock."""
+        away = abs(stamp - server)
+        return away <= self._max_skew if self.now is None else away < abs(stamp - self.now)
 
     @staticmethod
     def _held_back(stream: StreamSpec) -> int:

@@ -79,6 +79,8 @@ class LiveSession:
         streams = claimed(self.spec, wanted)
         self._set_time(wanted)
         monitor = self.monitors.get(wanted.monitor)
+        if self.core.simulated is not None and monitor is not None and monitor.instance == wanted.instance:
+            self.core.simulated.trust(monitor.name)
         if monitor is None:
             monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
         if monitor.outbox is not None:
@@ -341,6 +343,8 @@ class LiveSession:
             self.core.bypass(monitor.name, {})
             self._set_attached(monitor, attached=False)
             self.core.returning.left(monitor.name, self.clock.now())
+            if self.core.simulated is not None:
+                self.core.simulated.leave(monitor.name)
             self.credit.close(monitor.name)
             if not self.closing:  # time passes no more, since events are taken no more
                 self._deliver(self.core.detach(monitor.name, self._enter()))

@@ -10,6 +10,7 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Property, StreamSpec
+from oracle_server.core.stamps import Stamp
 from tests.core.sessions import MAX_DELAY, A, B, Feed, Recorder, open_session, prop, stamps
 from tests.core.test_ticks import native
 
@@ -78,6 +79,9 @@ def test_a_clock_goes_back_where_a_stream_s_reading_does() -> None:
     assert time.now == 105
     assert not time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 90)])
     assert not time.goes_back("n", [ClockReading(A, 1)]), "another monitor may hear of the time later"
+    time.leave("m")
+    assert time.goes_back("n", [ClockReading(A, 1)]), "but not where none is there that has told it"
+    assert not time.goes_back("n", [ClockReading(A, 100)])
     assert time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 89)])
 
 
@@ -111,3 +115,60 @@ def test_when_the_clock_reached_a_time_is_never_said_to_be_too_early() -> None:
         before = max((sim for at, sim in told if at <= ago - 1_000 // 256), default=None)
         assert before is None or (found is not None and found >= before)
         assert found is None or (time.reached(found) or 0) <= ago
+
+
+def restarted(**ordering: Any) -> tuple[Session, Feed]:
+    """A session that was judged up to 1,000, without a clock since."""
+    session, feed, _ = simulated(max_skew=30, **ordering)
+    for stream in (A, B):
+        feed.clock(stream, 995, REAL)
+    feed(A, 1_000, arrived=REAL)
+    session.finish(REAL)
+    session.simulate()
+    return session, feed
+
+
+def test_a_restarted_simulation_is_noticed_by_its_first_clock() -> None:
+    for reading, back in ((960, True), (966, False), (5_000, False)):
+        session, _ = restarted()
+        assert session.simulated is not None
+        assert session.simulated.goes_back("n", [ClockReading(A, reading)]) is back
+        session.simulated.trust("m")
+        assert not session.simulated.goes_back("m", [ClockReading(A, 1)]), "the same process may still be behind"
+
+
+def test_after_a_restart_the_time_is_that_of_before_until_a_clock_tells_it() -> None:
+    session, feed = restarted()
+    judged = (
+        feed(A, REAL + 20, arrived=REAL + 40) + feed(B, None, arrived=REAL + 41) + feed(A, 5_000, arrived=REAL + 42)
+    )
+    judged += feed(B, None, arrived=REAL + 43) + session.finish(REAL + 43)
+    assert [(j.step.time, j.step.skewed) for j in judged] == [
+        (1_000, True),
+        (1_000, False),
+        (5_000, False),
+        (5_000, False),
+    ]
+
+
+def test_before_the_first_clock_of_all_a_stamp_of_the_wall_clock_is_none() -> None:
+    session, feed, _ = simulated(max_skew=30)
+    session.begun = None
+    judged = feed(A, REAL - 20, arrived=REAL)
+    assert session.begun is None, "nothing is missed since 1970"
+    judged += feed.clock(A, 95, REAL) + feed.clock(B, 95, REAL) + feed(A, 100, arrived=REAL) + session.finish(REAL)
+    assert [(j.step.time, j.step.skewed, j.step.late) for j in judged] == [(0, True, False), (100, False, False)]
+    assert session.begun == 100
+
+
+def test_a_robot_s_clock_is_never_fixed_by_the_server_s_time() -> None:
+    streams = [replace(STREAMS[0], stamp=Stamp("t", epoch="boot", unit="ns")), STREAMS[1]]
+    session = open_session(
+        [prop("any", "once {v: 1}")], attach={"m": [A, B]}, streams=streams, maker=native, max_skew=30
+    )
+    session.simulate()
+    feed = Feed(session)
+    judged = feed(B, 90, arrived=REAL) + feed(A, None, {"t": 7}, arrived=REAL)
+    judged += feed.clock(A, 95, REAL) + feed.clock(B, 95, REAL) + feed(A, None, {"t": 17}, arrived=REAL)
+    judged += feed.clock(A, 115, REAL) + feed(A, None, {"t": 30}, arrived=REAL) + session.finish(REAL)
+    assert [(j.step.event.stream, j.step.time) for j in judged] == [(B, 90), (A, 90), (A, 100), (A, 113)]
