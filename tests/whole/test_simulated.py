@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 
+import pytest
 from oracle_adapter import Link
 
 from tests.whole.client import Monitor, attached, connected, make_attach, make_clock, make_event
@@ -77,6 +78,25 @@ async def test_time_that_goes_back_ends_the_session_for_all_and_names_the_next(s
         await first.acked(1)
         await first.send(sim_clock(10**9))
         assert await refused(first) == ("session_ended", f"{session}.run3")
+
+
+@pytest.mark.parametrize("away", ["server", "monitor"])
+async def test_a_simulation_that_starts_anew_meanwhile_is_noticed(start: Starts, away: str) -> None:
+    """The whole launch was started anew: by another process, or by a monitor of another name."""
+    server, name = start(), "m1" if away == "server" else "m2"
+    async with attached(server, "m1", instance="p1", session="s", spec="pair", streams=["/a"], clock="sim") as monitor:
+        await monitor.send(sim_clock(9 * 10**9), make_event(1, stamp=9 * 10**9, data={"v": 1}))
+        await monitor.send(sim_clock(10 * 10**9))
+        await monitor.acked(1)
+        if away == "server":
+            server.stop(signal.SIGKILL)
+        else:
+            await monitor.detach()
+    if away == "server":
+        server = start()
+    async with attached(server, name, instance="p2", session="s", spec="pair", streams=["/a"], clock="sim") as monitor:
+        await monitor.send(sim_clock(10**9))
+        assert await refused(monitor) == ("session_ended", "s.run2")
 
 
 async def test_links_go_on_in_the_next_session(server: Server, session: str) -> None:
