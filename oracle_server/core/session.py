@@ -149,7 +149,9 @@ class Session(Resumable):
             self.note_loss()
         step = self._arriving.step(event)
         if self.returning:
-            self.returning.hear(event.monitor, None if step.time == step.event.arrived else step.time, self.now)
+            told = self.simulated is None or self.simulated.is_told  # else what has a stamp arrives at that
+            timeless = told and step.time == step.event.arrived
+            self.returning.hear(event.monitor, None if timeless else step.time, self.now)
         if self.begun is None and not (self.simulated is not None and step.skewed):  # else it is of another time
             self._begin(step.event.arrived)
         if "arrival" in self.judges:

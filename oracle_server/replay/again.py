@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 from oracle_server.core.engine import Answer
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Step
@@ -16,8 +18,9 @@ _NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no mes
 class Again:
     """Judges the rows of a session's trace again, in the sequence in which they were judged."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, session: Session, passed_over: Set[int]) -> None:
+        """Judge them for a session; rows of the positions that are `passed_over` are of streams that it has not."""
+        self._session, self._passed_over = session, passed_over
         self._recurring = None if session.lateness is None else Recurring(session.lateness.judge)
         self._begun = False
         self._last = 0
@@ -43,15 +46,16 @@ class Again:
                 f"{place.order}: the recording was taken before all was judged that had come; use --by to judge the "
                 "recorded events afresh"
             )
-        if not self._begun and position > 1:
+        lacking = next((p for p in range(before + 1, position) if p not in self._passed_over), None)
+        if not self._begun and lacking is not None:
             raise TraceError(
                 f"the session's first steps are not in the recording, which begins with step {position}, so that its "
                 "verdicts would differ; use --by to judge the recorded events afresh"
             )
-        if position > before + 1 and self._recurring is None:  # else revisions have numbers of their own
+        if lacking is not None and self._recurring is None:  # else revisions have numbers of their own
             raise TraceError(
-                f"steps {before + 1} to {position - 1} of the session are not in the recording, so that its verdicts "
-                "would differ; use --by to judge the recorded events afresh"
+                f"steps from {lacking} to before {position} of the session are not in the recording, so that its "
+                "verdicts would differ; use --by to judge the recorded events afresh"
             )
         self._begun = True
         bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]

@@ -30,7 +30,8 @@ class Trace:
     """The events of a file, in the order of arrival, for one spec.
 
     `clocked` is whether the trace has times of arrival, as its first event has or has not; without them, the newest
-    stamp so far is an event's time of arrival. `ignored` counts the events of streams that the spec does not observe;
+    stamp so far is an event's time of arrival. `ignored` counts the events of streams that the spec does not observe,
+    and `passed_over` are the positions of those that a session has judged;
     `read` of `size` bytes are read. `since` and `until` are when (ns) the first line and the last event arrived, of
     whatever stream.
     """
@@ -41,6 +42,7 @@ class Trace:
     size: int
     clocked: bool = True
     ignored: Counter[str] = field(default_factory=Counter)
+    passed_over: set[int] = field(default_factory=set)
     notes: list[Note] = field(default_factory=list)
     read: int = 0
     since: int = 0
@@ -88,6 +90,8 @@ class Trace:
                 if event is not None:
                     event = msgspec.structs.replace(event, ask=True) if taken.asks and not event.ask else event
                     yield Recorded(event, tuple(line.places), taken.passed, line.why, line.verdict, begun, place)
+                else:
+                    self.passed_over.update([judged.position for judged in line.places])
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
         self.notes += self._ending()

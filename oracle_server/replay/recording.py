@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
@@ -106,6 +106,11 @@ class Recording(Protocol):
     since: int
     until: int
     lost: int
+
+    @property
+    def passed_over(self) -> Set[int]:
+        """The positions, as far as it is read, of events that a session has judged and the spec does not observe."""
+        ...
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events of the spec's streams. Raises `TraceError`."""

@@ -186,7 +186,7 @@ class Replay:
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
         session = self._session = self._open(first.begun)
-        again = Again(session)
+        again = Again(session, self.recording.passed_over)
         waiting: list[tuple[int, Place, Step]] = []
         for recorded in itertools.chain(leading, rest):
             event = self._take(recorded)

@@ -17,8 +17,8 @@ BACK = 5_000
 SIM = pytest.mark.parametrize("simulated", [False, True])
 
 
-def returned(simulated: bool, *, others: bool = False) -> tuple[Session, Feed]:
-    """A session that heard /b at 10, whose monitors come back at `BACK`."""
+def returned(simulated: bool, *, others: bool = False, anew: bool = False) -> tuple[Session, Feed]:
+    """A session that heard /b at 10, whose monitors come back at `BACK`; `anew`: no clock has told the time since."""
     attach = {"m": [A, B], "n": [MODE]} if others else {"m": [A, B]}
     streams = [replace(s, latency=0) for s in STREAMS]
     session = open_session([LIVES], attach=attach, streams=streams, maker=native, max_delay=50, max_skew=10_000)
@@ -31,6 +31,8 @@ def returned(simulated: bool, *, others: bool = False) -> tuple[Session, Feed]:
         feed.clock(MODE, 10, 10, monitor="n")
     feed.clock(A, 11, 11)
     assert session.judges["publication"].counters.steps == 1
+    if anew:
+        session.simulate()
     for monitor in attach:
         session.returning.expect(monitor)
     for monitor, observed in attach.items():
@@ -62,6 +64,18 @@ def test_what_one_still_has_is_waited_for_while_others_are_level() -> None:
         feed.clock(MODE, now, now, monitor="n")
         judged = feed(B, stamp, arrived=now) + session.advance(now + 59)
         assert all(kind == "topic" for kind, _, _ in told(judged))
+
+
+@pytest.mark.parametrize("first", ["event", "clock"])
+def test_an_event_before_any_clock_of_a_simulation_tells_how_far_its_monitor_is(first: str) -> None:
+    session, feed = returned(True, others=True, anew=True)
+    judged = feed(B, 60, arrived=BACK) if first == "event" else []
+    now = BACK + 1
+    feed.clock(MODE, 2_000, now, monitor="n")
+    for stamp in range(60 if first == "clock" else 110, 1_060, 50):
+        now += 60
+        judged += session.advance(now - 1) + feed(B, stamp, arrived=now)
+    assert {kind for kind, _, _ in told(judged)} == {"topic"}
 
 
 @SIM

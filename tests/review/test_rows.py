@@ -132,8 +132,17 @@ async def test_a_trace_that_lacks_steps_in_its_midst_is_refused_in_words(tmp_pat
     _, _, lines = await judged(tmp_path / "live", by, "judge", MemoryHistory(), restarted=False, saved=False)
     path = tmp_path / "own.jsonl"
     path.write_text("".join(json.dumps(line) + "\n" for line in [*lines[:3], *lines[5:]]))
-    with pytest.raises(TraceError, match=r"steps \d+ to \d+ of the session are not in the recording, .* use --by"):
+    with pytest.raises(TraceError, match=r"steps from \d+ to before \d+ of the session are not .* use --by"):
         judge(write_spec(tmp_path, SPEC.replace("LATE", "judge").replace("BY", by)), path)
+
+
+async def test_a_trace_is_judged_by_a_spec_that_observes_fewer_streams(tmp_path: Path) -> None:
+    _, _, lines = await judged(tmp_path / "live", "arrival", "judge", MemoryHistory(), restarted=False, saved=False)
+    path = tmp_path / "own.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    fewer = "id: spec\nstreams: [{topic: /b, signals: {x: msg.x}}]\nproperties: [{id: five, formula: '{x: 5}'}]\n"
+    again = judge(write_spec(tmp_path, fewer), path)
+    assert [(row["seq"], row["outcome"]) for row in again.rows] == [(2, "currently_true"), (6, "currently_true")]
 
 
 async def test_no_part_of_an_event_is_kept_while_its_other_rows_wait(tmp_path: Path) -> None:
