@@ -75,3 +75,11 @@ def test_a_log_on_the_command_line_is_written_whatever_parameters_say(monkeypatc
 def test_parameters_that_contradict_each_other_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="--log asks no oracle"):
         completed([], {**LOG, "spec": "g"}, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("value", "session"), [('"42"', "42"), ("'a b'", "a b"), ("007", "007"), ("a: b", "a: b"), ("[", "[")]
+)
+def test_a_value_may_be_in_quotes_as_ros_reads_it(value: str, session: str) -> None:
+    found, _ = read("_spec:=g", f"_session:={value}")
+    assert found == {"spec": "g", "session": session}

@@ -14,6 +14,7 @@ from tests.ros2.harness import Peer, Scene
 republished = pytest.importorskip("oracle_ros2.republished")
 rclpy_qos = pytest.importorskip("rclpy.qos")
 msg = pytest.importorskip("std_msgs.msg")
+Duration = pytest.importorskip("rclpy.duration").Duration
 
 # rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
 pytestmark = pytest.mark.filterwarnings(
@@ -108,9 +109,55 @@ def test_where_the_middleware_tells_of_no_publishers_as_many_messages_are_kept_a
 
             peer.until(offered, f"not {count} are kept")
 
+        forwarded.is_told = False
         forwarded.publish(msg.Int64(data=1))
         offer(2, ["a", "b"])
         forwarded.publish(msg.Int64(data=2))
         offer(2, ["a"])
         heard_late(peer, [1, 2])
+        forwarded.stop()
+
+
+def test_who_publishes_already_is_not_held_up_by_those_who_come(tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        peer, robot = scene.peer(), scene.peer("robot")
+        heard = robot.record(msg.Int64, "/map", kept(100))
+        forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/map", [kept(1)])
+        forwarded.publish(msg.Int64(data=1), "a")
+        robot.until(lambda: heard, "it does not pass")
+        forwarded.match([kept(1)] * 2, ["a", "b"])
+        forwarded.publish(msg.Int64(data=2), "b")
+        forwarded.publish(msg.Int64(data=3), "a")
+        robot.until(lambda: len(heard) == 2, "it waits for the publisher of another one")
+        assert heard[-1].data == 3
+
+        def passed() -> bool:
+            forwarded.look([kept(1)] * 2, ["a", "b"])
+            return len(heard) == 3
+
+        robot.until(passed, "what was held does not pass")
+        forwarded.stop()
+
+
+def test_what_is_given_again_ends_with_what_was_said_last(tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        peer, robot = scene.peer(), scene.peer("robot")
+        heard = robot.record(msg.Int64, "/map", kept(100))
+        forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/map", [kept(1)])
+
+        def offered(originals: list[Any]) -> list[Any]:
+            forwarded.look(originals, ["a", "b"])
+            return [made.qos_profile.deadline for made in peer.node.publishers if made.topic_name == "/map"]
+
+        def say(number: int, source: str) -> None:
+            forwarded.publish(msg.Int64(data=number), source)
+            robot.until(lambda: offered([kept(1)] * 2) and len(heard) == number, "it does not pass")
+
+        robot.until(lambda: len(offered([kept(1)] * 2)) == 2, "there is one publisher")
+        for number, source in ((1, "a"), (2, "b"), (3, "a")):
+            say(number, source)
+        promising = rclpy_qos.QoSProfile(depth=1, durability=LASTING, deadline=Duration(seconds=60))
+        robot.until(lambda: {d.nanoseconds for d in offered([promising] * 2)} == {60 * 10**9}, "nothing is promised")
+        robot.until(lambda: len(heard) == 5, "it is not given again")
+        assert [said.data for said in heard] == [1, 2, 3, 2, 3]
         forwarded.stop()

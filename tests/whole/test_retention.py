@@ -187,6 +187,7 @@ async def test_nothing_is_left_of_a_session_that_goes(start: Starts) -> None:
     with closing(sqlite3.connect(server.data / "history.sqlite")) as database:
         tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
         database.execute("INSERT OR IGNORE INTO snapshots VALUES (1, 1, '{}', 0, NULL)")
+        database.execute("INSERT INTO forgotten VALUES (1, 'small', 'publication', 1, 1, 1)")
         database.commit()
         assert all(database.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for name in tables), tables
         server = start(**OFTEN, ORACLE_RETAIN_AGE="1ms")

@@ -7,6 +7,7 @@ import re
 from typing import Callable, Dict, FrozenSet, List, Optional, Sequence, Tuple
 
 import rospy
+import yaml
 from oracle_adapter.command import default, demand_one_oracle, parser
 
 LONGEST = 200
@@ -81,5 +82,15 @@ def _split(arguments: Sequence[str]) -> Tuple[List[str], List[str]]:
 
 def _private(words: Sequence[str], names: FrozenSet[str]) -> Dict[str, str]:
     """The private parameters among ROS's arguments that are options; an empty one is as none."""
-    found = (_PRIVATE.fullmatch(word.strip()) for word in words)
-    return {f["name"]: f["value"].strip() for f in found if f and f["name"] in names and f["value"].strip()}
+    found = [_PRIVATE.fullmatch(word.strip()) for word in words]
+    values = {f["name"]: _text(f["value"].strip()) for f in found if f and f["name"] in names}
+    return {name: value for name, value in values.items() if value}
+
+
+def _text(value: str) -> str:
+    """A value as ROS reads it, who takes it for YAML: a text may be in quotes."""
+    try:
+        read = yaml.safe_load(value)
+    except yaml.YAMLError:
+        return value
+    return read if isinstance(read, str) else value

@@ -49,7 +49,7 @@ class LoggedTopic:
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
         source = header.get("callerid")
-        if source == self._unheard:
+        if self._unheard is not None and source == self._unheard:
             return
         decoder = self._observed.decoder(header)
         if isinstance(decoder, str):

@@ -70,7 +70,9 @@ class MatchedSubscription:
         self._publishers = self._look_around()
 
     def publisher(self, source: str) -> str | None:
-        """The node that has the publisher of a `source`; None where it has ended."""
+        """The node that has the publisher of a `source`; None where it has ended, or is not told."""
+        if not source:
+            return None
         nodes = (full_name(info) for info in self._publishers if bytes(info.endpoint_gid).hex().startswith(source))
         return next(nodes, None)
 

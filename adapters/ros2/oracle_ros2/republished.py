@@ -38,16 +38,18 @@ class MatchedPublisher:
         self._giving = threading.Lock()
         self._publishers = self._next = [self._make(to_offer(offered))]
         self._users: dict[str, Any] = {}  # the publisher of each source
-        self._is_told = True  # the sources of messages, by the middleware
-        self._kept: dict[Any, deque[Any]] = {}  # what publishers keep that last
+        self.is_told = True
+        """Whether the middleware tells the sources of messages."""
+        self._kept: dict[Any, deque[Any]] = {}  # what publishers keep that last; who published last comes last
         self._retired: list[Any] = []
         self._changed = 0.0  # when the next ones were made, or took over (s)
         self._held: list[tuple[Any, str]] | None = None  # what waits for the next ones
+        self._held_since = 0.0
 
     def publish(self, message: Any, source: str = "") -> bool:
         """Pass a message of a source on, from any thread; False after `stop`."""
         with self._giving:
-            if self._held is not None:
+            if self._held is not None and not self._stays(source):
                 self._held.append((message, source))
             elif self._publishers:
                 self._give(message, source)
@@ -87,21 +89,34 @@ class MatchedPublisher:
         changing = self._next is not self._publishers
         count = max(1, len(sources)) if lasts(wanted) else 1
         with self._giving:
-            if lasts(wanted) and not self._is_told:
+            if lasts(wanted) and not self.is_told:
                 wanted.depth, count = max(count, offered.depth if lasts(offered) else 1), 1
             self._users = {one: of for one, of in self._users.items() if any(gid.startswith(one) for gid in sources)}
-            if changing and not same(wanted, offered):
+            if changing and not same(wanted, offered) and (self.is_told or len(self._next) == 1):
                 return
             if not same(wanted, offered):
                 if lasts(wanted) and (lasts(offered) or all(map(lasts, originals))):
-                    self._held = []
+                    self._hold()
+                for begun in [one for one in self._next if one not in self._publishers]:
+                    self._node.destroy_publisher(begun)
                 self._replace([self._make(wanted) for _ in range(count)])
             elif count > len(self._next):
-                self._held = self._held or []
+                self._hold()
                 more = [self._make(wanted) for _ in range(count - len(self._next))]
-                self._next, self._changed = [*self._next, *more], time.monotonic()
+                if not changing or time.monotonic() - self._held_since < MATCHING:
+                    self._changed = time.monotonic()
+                self._next = [*self._next, *more]
             elif not changing:
                 self._do_without(len(self._publishers) - count)
+
+    def _hold(self) -> None:
+        """Hold what comes from now on."""
+        if self._held is None:
+            self._held, self._held_since = [], time.monotonic()
+
+    def _stays(self, source: str) -> bool:
+        """Whether the publisher of a source goes on, and has not to be waited for."""
+        return self._users.get(source) in self._publishers and all(one in self._next for one in self._publishers)
 
     def _replace(self, made: list[Any]) -> None:
         """Have publishers take over, and keep what the old ones kept."""
@@ -111,8 +126,9 @@ class MatchedPublisher:
             used = list(self._users.values())
             old = sorted(self._kept, key=lambda one: one not in used)
             places = dict(zip(old, made, strict=False))
+        depth = made[0].qos_profile.depth
         self._users = {source: places[one] for source, one in self._users.items() if one in places}
-        self._kept = {new: self._kept[old] for old, new in places.items()}
+        self._kept = {places[old]: deque(kept, depth) for old, kept in self._kept.items() if old in places}
         for publisher, messages in self._kept.items():
             for message in messages:
                 publisher.publish(message)
@@ -142,11 +158,12 @@ class MatchedPublisher:
         publisher.publish(message)
         profile = publisher.qos_profile
         if lasts(profile):
-            self._kept.setdefault(publisher, deque(maxlen=profile.depth)).append(message)
+            kept = self._kept.pop(publisher, None) or deque(maxlen=profile.depth)
+            self._kept[publisher] = kept
+            kept.append(message)
 
     def _publisher_of(self, source: str) -> Any:
         if not source:
-            self._is_told = False
             return self._publishers[0]
         if source not in self._users:
             used = list(self._users.values())

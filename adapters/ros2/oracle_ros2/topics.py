@@ -192,6 +192,7 @@ class FilteredTopic:
         self._publisher.match(self.subscription.offered, self.subscription.sources)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
+        self._publisher.is_told = bool(source_of(info))
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
@@ -201,7 +202,8 @@ class FilteredTopic:
 def unreadable(topic: LoggedTopic | FilteredTopic) -> Iterator[str]:
     """Whose messages can't be read, and why."""
     for source, why in list(topic.observed.unreadable.items()):
-        node = topic.subscription.publisher(source)
+        there = bool(topic.subscription.sources) and not source  # before Kilted it is not known who
+        node = "one of its publishers" if there else topic.subscription.publisher(source)
         if node is None:
             del topic.observed.unreadable[source]  # its publisher has ended
         else:
