@@ -165,6 +165,27 @@ def test_what_a_monitor_says_of_violations_is_none_of_its_events(tmp_path: Path)
         assert scene.server.events("s", stream="/rosout") == []
 
 
+NAMELESS = """
+import rospy
+from rospy.impl.tcpros_pubsub import TCPROSPub
+from std_msgs.msg import Int64
+
+fields = TCPROSPub.get_header_fields
+TCPROSPub.get_header_fields = lambda self: {k: v for k, v in fields(self).items() if k != "callerid"}
+rospy.init_node("nameless")
+rospy.Publisher("/number", Int64, latch=True, queue_size=1).publish(101)
+rospy.spin()
+"""
+
+
+def test_a_publisher_that_does_not_say_its_name_is_heard(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        scene.adapter("watch")
+        scene.run("nameless", sys.executable, "-c", NAMELESS)
+        [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
+        assert (violation["property"], violation["stream"]) == ("small", "/number")
+
+
 def test_what_the_installed_type_does_not_have_is_told(tmp_path: Path) -> None:
     lacking = "battery_uav_msgs/BatteryStatus\n    stamp: header.stmp\n    signals: {x: msg.header.sek + msg.status}\n"
     with Scene(tmp_path, spec_folder(tmp_path, WATCH.replace("geometry_msgs/PointStamped\n", lacking))) as scene:
