@@ -134,58 +134,6 @@ def test_the_graph_sees_verdicts_errors_and_diagnostics(tmp_path: Path) -> None:
         adapter.ends_well()
 
 
-WELL = """
-id: well
-streams:
-  - topic: /diagnostics
-    type: diagnostic_msgs/DiagnosticArray
-    each: msg.status
-    signals: {level: item.level, source: item.name}
-  - {topic: /rosout, type: rosgraph_msgs/Log, signals: {severity: msg.level}}
-properties:
-  - {id: all_well, formula: 'not {level >= 0}'}
-  - {id: no_error, formula: 'not {severity >= 8}'}
-"""
-
-
-def test_what_a_monitor_says_of_violations_is_none_of_its_events(tmp_path: Path) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
-        scene.adapter("well")
-        peer = scene.peer()
-        peer.record(DiagnosticArray, "/diagnostics", speakers=1)
-        peer.advertise(DiagnosticArray, "/diagnostics", listeners=2)
-        peer.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="motor")]))
-        peer.until(  # the monitor has told of the violation, and of much else, and was heard
-            lambda: any(s.level == 1 for array in peer.heard("/diagnostics") for s in array.status),
-            lambda: "no warning is shown",
-        )
-        peer.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="pump")]))
-        events = eventually(lambda: scene.server.events("s", stream="/diagnostics"), lambda found: len(found) >= 2)
-        assert len(events) == 2
-        assert scene.server.events("s", stream="/rosout") == []
-
-
-NAMELESS = """
-import rospy
-from rospy.impl.tcpros_pubsub import TCPROSPub
-from std_msgs.msg import Int64
-
-fields = TCPROSPub.get_header_fields
-TCPROSPub.get_header_fields = lambda self: {k: v for k, v in fields(self).items() if k != "callerid"}
-rospy.init_node("nameless")
-rospy.Publisher("/number", Int64, latch=True, queue_size=1).publish(101)
-rospy.spin()
-"""
-
-
-def test_a_publisher_that_does_not_say_its_name_is_heard(tmp_path: Path) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
-        scene.adapter("watch")
-        scene.run("nameless", sys.executable, "-c", NAMELESS)
-        [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
-        assert (violation["property"], violation["stream"]) == ("small", "/number")
-
-
 def test_what_the_installed_type_does_not_have_is_told(tmp_path: Path) -> None:
     lacking = "battery_uav_msgs/BatteryStatus\n    stamp: header.stmp\n    signals: {x: msg.header.sek + msg.status}\n"
     with Scene(tmp_path, spec_folder(tmp_path, WATCH.replace("geometry_msgs/PointStamped\n", lacking))) as scene:

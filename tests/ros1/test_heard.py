@@ -1,0 +1,64 @@
+"""Whom the ROS 1 adapter hears: who does not say its name, and not itself."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from tests.processes import eventually
+from tests.robot import spec_folder
+from tests.ros1.harness import Scene
+from tests.ros1.test_observed import WATCH
+
+WELL = """
+id: well
+streams:
+  - topic: /diagnostics
+    type: diagnostic_msgs/DiagnosticArray
+    each: msg.status
+    signals: {level: item.level, source: item.name}
+  - {topic: /rosout, type: rosgraph_msgs/Log, signals: {severity: msg.level}}
+properties:
+  - {id: all_well, formula: 'not {level >= 0}'}
+  - {id: no_error, formula: 'not {severity >= 8}'}
+"""
+
+
+def test_what_a_monitor_says_of_violations_is_none_of_its_events(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
+        scene.adapter("well")
+        peer = scene.peer()
+        peer.record(DiagnosticArray, "/diagnostics", speakers=1)
+        peer.advertise(DiagnosticArray, "/diagnostics", listeners=2)
+        peer.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="motor")]))
+        peer.until(  # the monitor has told of the violation, and of much else, and was heard
+            lambda: any(s.level == 1 for array in peer.heard("/diagnostics") for s in array.status),
+            lambda: "no warning is shown",
+        )
+        peer.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="pump")]))
+        events = eventually(lambda: scene.server.events("s", stream="/diagnostics"), lambda found: len(found) >= 2)
+        assert len(events) == 2
+        assert scene.server.events("s", stream="/rosout") == []
+
+
+NAMELESS = """
+import rospy
+from rospy.impl.tcpros_pubsub import TCPROSPub
+from std_msgs.msg import Int64
+
+fields = TCPROSPub.get_header_fields
+TCPROSPub.get_header_fields = lambda self: {k: v for k, v in fields(self).items() if k != "callerid"}
+rospy.init_node("nameless")
+rospy.Publisher("/number", Int64, latch=True, queue_size=1).publish(101)
+rospy.spin()
+"""
+
+
+def test_a_publisher_that_does_not_say_its_name_is_heard(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        scene.adapter("watch")
+        scene.run("nameless", sys.executable, "-c", NAMELESS)
+        [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
+        assert (violation["property"], violation["stream"]) == ("small", "/number")
