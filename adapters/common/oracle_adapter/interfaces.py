@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Stream = Mapping[str, Any]
 """A stream as the server describes it in `attached`."""
+OWN = ("/diagnostics", "/rosout")
+"""Where a monitor tells of violations: to observe that would be to violate again, for ever."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Dict, Optional, Tuple, Union
 import rospy
 from oracle_adapter import PROXY
 from oracle_adapter.forwarding import ForwardQueue
-from oracle_adapter.interfaces import Interface
+from oracle_adapter.interfaces import OWN, Interface
 from oracle_adapter.passing import Passing
 
 from oracle_ros1.latches import Latches, latching
@@ -18,8 +18,6 @@ from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, h
 from oracle_ros1.shared import Shared
 
 DEPTH = 1000  # messages that wait for a slow subscriber
-OWN = ("/diagnostics", "/rosout")
-"""Where the monitor itself tells of violations: observed, what it says would violate again, for ever."""
 
 
 class LoggedTopic:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 from oracle_adapter import PROXY
 from oracle_adapter.fields import not_there
 from oracle_adapter.forwarding import ForwardQueue
+from oracle_adapter.interfaces import OWN
 from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
@@ -97,10 +98,6 @@ class Observed:
         if self._stamped_here:
             return self._now
         return (self._now() if self._timed_here else info["source_timestamp"]) or None
-
-
-OWN = ("/diagnostics", "/rosout")
-"""Where the monitor itself tells of violations: observed, what it says would violate again, for ever."""
 
 
 class LoggedTopic:
