@@ -157,7 +157,7 @@ class ServerCollector:
         yield GaugeMetricFamily("oracle_sessions", "Open sessions", len(sessions))
         idle = sum(s.presence.is_idle(s.clock.now()) for s in sessions)
         yield GaugeMetricFamily("oracle_sessions_idle", "Open sessions without a monitor for 10 minutes", idle)
-        troubled = sum(s.trouble is not None for s in sessions) + len(self._registry.unrestored)
+        troubled = sum(s.keeping.trouble is not None for s in sessions) + len(self._registry.unrestored)
         what = "Sessions that are not judged: restoring them failed, or nothing more of them can be kept"
         yield GaugeMetricFamily("oracle_sessions_in_trouble", what, troubled)
         yield GaugeMetricFamily("oracle_monitors", "Monitors that are connected", len(outboxes))

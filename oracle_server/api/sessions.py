@@ -75,7 +75,7 @@ def router(registry: Registry, history: History) -> APIRouter:
                 await history.flush()
         except TimeoutError:
             raise HTTPException(503, "the history can't be written; the session is open, but not stored yet") from None
-        session.check_kept()
+        session.keeping.check()
         return await state_of(registry, session.id)
 
     @routes.get("/sessions/{session_id}", response_model=dict[str, Any])

@@ -184,7 +184,7 @@ class Connection:
             await self._attach()
             while self._attached is not None and not self._conversation.ended:
                 session, _ = self._attached
-                await session.room()
+                await session.keeping.room()
                 data = await self._next()
                 if self._due_pause:
                     await asyncio.sleep(self._due_pause)
@@ -226,7 +226,7 @@ class Connection:
                 self._registry.counters.attachments += 1
                 log.info("monitor attached", session=session.id, monitor=monitor.name)
                 await self._registry.flush()  # after a restart, the server waits for all monitors that were greeted
-                session.check_kept()
+                session.keeping.check()
         except TimeoutError:
             message = f"the session was not committed within {_ANSWER_WITHIN:.0f} s; attach again later"
             raise WireError("history_unavailable", message, fatal=True) from None
@@ -276,7 +276,7 @@ class Connection:
         if self._attached is None:
             return False
         session, _ = self._attached
-        if not session.has_room or session.share.rest or session.is_behind:
+        if not session.keeping.has_room or session.share.rest or session.is_behind:
             return False
         waits = not self._idle or self._due_pause or self._throttle.must_yield
         if waits or self._conversation.ended or text.startswith(_BATCH):
@@ -330,7 +330,7 @@ class Connection:
         session, conversation = self._attached[0], self._conversation
         self._process_frame(data)
         while not (conversation.in_batch or conversation.ended or self._throttle.must_yield or session.is_behind):
-            message = self._direct.receive_waiting() if self._direct is not None and session.has_room else None
+            message = self._direct.receive_waiting() if self._direct is not None and session.keeping.has_room else None
             if message is None:
                 return
             self._process_frame(_data_of(message))

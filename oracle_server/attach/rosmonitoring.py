@@ -140,7 +140,7 @@ class LegacyConnection:
     async def _answer_all(self, monitor: Monitor) -> None:
         try:
             while True:
-                await self._session.room()
+                await self._session.keeping.room()
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
                     return

@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
-
-import structlog
 
 from oracle_server.core.asking import Ask
 from oracle_server.core.engine import Answer
@@ -19,7 +18,8 @@ from oracle_server.remote.oracle import ExternalOracle
 _SETTLE_WITHIN = 5.0
 """Seconds to wait for the last answers when a session ends."""
 
-log = structlog.get_logger()
+Judging = Callable[[], list[Judged]]
+"""What judges something, and returns the steps of it."""
 
 
 class _Line(NamedTuple):
@@ -32,9 +32,9 @@ class _Line(NamedTuple):
 class Oracles:
     """Sends a session's questions to its oracles, and the answers to the session."""
 
-    def __init__(self, core: Session, now: Callable[[], int], deliver: Callable[[list[Judged]], None]) -> None:
-        """Start a task for each oracle; `deliver` receives the steps that the session judges by the answers."""
-        self._core, self._now, self._deliver = core, now, deliver
+    def __init__(self, core: Session, now: Callable[[], int], judge: Callable[[Judging], object]) -> None:
+        """Start a task for each oracle; `judge` has the session judge by the answers, and delivers what comes of it."""
+        self._core, self._now, self._judge = core, now, judge
         self._lines: dict[tuple[Order, int], _Line] = {}
         self._progress = asyncio.Event()
         for order in core.judges:
@@ -72,7 +72,8 @@ class Oracles:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._tasks.clear()  # each holds its error, whose frames hold this
-        self._deliver_all(self._core.abandon("had not answered when the session ended", self._now()))
+        reason = "had not answered when the session ended"
+        self._go_on(lambda: self._core.abandon(reason, self._now()))
         await asyncio.gather(*(line.oracle.close() for line in self._lines.values()))
 
     async def _serve(self, line: _Line) -> None:
@@ -81,10 +82,7 @@ class Oracles:
         while True:
             ask, since = await line.questions.get()
             answer = await self._answer(line.oracle, ask, since)
-            try:
-                self._deliver_all(self._core.resolve(ask, answer, self._now()))
-            except Exception:
-                log.exception("an oracle's answer could not be processed")
+            self._go_on(partial(self._core.resolve, ask, answer, self._now()))
 
     async def _answer(self, oracle: ExternalOracle, ask: Ask, since: float) -> Answer:
         """The answer to a question; it is not sent where it has waited too long to leave enough time for a reply."""
@@ -93,6 +91,6 @@ class Oracles:
             return Answer(Outcome.UNKNOWN, f"was not asked: it was {waited:.1f} s behind")
         return await oracle.ask(ask, since + oracle.timeout)
 
-    def _deliver_all(self, judged: list[Judged]) -> None:
-        self._deliver(judged)
+    def _go_on(self, judging: Judging) -> None:
+        self._judge(judging)
         self._progress.set()

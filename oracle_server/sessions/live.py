@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable
+from typing import TypeVarTuple, Unpack
 
 import structlog
 
@@ -26,6 +27,7 @@ from oracle_server.sessions.counters import Counters, counted
 from oracle_server.sessions.decoding import Decoders
 from oracle_server.sessions.endings import CLOCK_WENT_BACK
 from oracle_server.sessions.judgements import Judgements
+from oracle_server.sessions.keeping import Keeping
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.presence import Presence
@@ -33,8 +35,7 @@ from oracle_server.sessions.shares import Share
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
-_MOST_UNKEPT = 20_000
-"""Events that are taken of a session of which nothing more can be kept; beyond, its monitors are not read."""
+Args = TypeVarTuple("Args")
 
 log = structlog.get_logger()
 
@@ -56,6 +57,7 @@ class LiveSession:
         self.share = share
         """What it takes of the event loop's time; while it rests, its monitors are not read."""
         self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, weakly(self._arm))
+        self.keeping = Keeping(record, history, self.ledger, self.monitors)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
@@ -65,8 +67,8 @@ class LiveSession:
         self.judgements = Judgements()
         self.oracles: Oracles | None = None
         if core.asking is not None:
-            deliver = weakly(self._deliver)
-            self.oracles = Oracles(core, weakly(self._enter), lambda judged: share.run(deliver, judged))
+            judge = weakly(self._judge)
+            self.oracles = Oracles(core, weakly(self._enter), lambda judging: share.run(judge, judging))
         self._begun = core.begun is not None
         """Whether the history has when the session began."""
         self.decoder = Decoders(core.plan)
@@ -94,36 +96,13 @@ class LiveSession:
         self._set_attached(monitor, attached=True)
         self.core.returning.came(monitor.name, self.clock.now())
         self.credit.open(monitor.name)
-        self._deliver(self.core.attach(monitor.name, streams, self._enter()))
+        self._judge(self.core.attach, monitor.name, streams, self._enter())
         return monitor
-
-    @property
-    def has_room(self) -> bool:
-        """Whether the session accepts events; if not, its monitors are not read until it does."""
-        return self._history.has_room and self.ledger.lookup.has_room and not self._is_crammed
-
-    async def room(self) -> None:
-        """Wait until the session accepts events, or is closed."""
-        await self._history.room()
-        await self.ledger.lookup.room()
-        while self._is_crammed and not self.ledger.commits.ended:
-            await asyncio.wait((self.ledger.commits.next(),))
-
-    @property
-    def trouble(self) -> str | None:
-        """Why nothing more of the session can be kept, so that it is not judged any more; None where it can."""
-        return self._history.failure_of(self.number)
-
-    def check_kept(self) -> None:
-        """Raise a fatal `WireError` where nothing more of the session can be kept."""
-        if self.trouble is not None:
-            message = f"session '{self.id}' can't be kept any more: {self.trouble}; close it, and open another"
-            raise WireError("history_unavailable", message, fatal=True)
 
     @property
     def is_behind(self) -> bool:
         """Whether an event would have to wait for deadlines that have expired, or for what is judged again."""
-        if self.closing or (self.core.buffer.due is not None and not self.core.is_revising):
+        if self.closing or self.keeping.failed or (self.core.buffer.due is not None and not self.core.is_revising):
             return False
         return self.core.is_behind or (self._armed is not None and self._armed <= self.clock.now())
 
@@ -160,9 +139,7 @@ class LiveSession:
             message.call, message.lost + monitor.lost + gap, message.ask, None, message.goal_id, message.status,
         )  # fmt: skip
         monitor.lost = 0
-        judged = self.core.ingest(event)
-        self._deliver(judged)
-        return judged
+        return self._judge(self.core.ingest, event)
 
     def refuse(self, monitor: Monitor, error: WireError) -> None:
         """Refuse an event that could not be read; its number is used up."""
@@ -183,7 +160,7 @@ class LiveSession:
             self.clock_went_back = True
             self._close_for(CLOCK_WENT_BACK)
             return
-        self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
+        self._judge(self.core.clock, monitor.name, claimed, self._enter())
         if len(claimed) < len(readings):
             raise WireError("unknown_stream", "the clock names a stream that was not claimed at attach")
 
@@ -225,15 +202,15 @@ class LiveSession:
     async def drain(self) -> None:
         """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""
         self.closing = True
-        while self.core.has_due or self.core.release():
-            self.share.run(lambda: self._deliver(self.core.advance(self._enter())))
+        while not self.keeping.failed and (self.core.has_due or self.core.release()):
+            self.share.run(lambda: self._judge(self.core.advance, self._enter()))
             await asyncio.sleep(0)
 
     def close(self) -> None:
         """Judge all held events, in order, and stop the timers."""
         self.closing = True
         self.presence.stop()
-        self._deliver(self.core.finish(self._enter()))
+        self._judge(self.core.finish, self._enter())
         self.ledger.write()
         if self._timer:
             self._timer.cancel()
@@ -244,14 +221,14 @@ class LiveSession:
 
     def end(self) -> None:
         """After `close` and `settle`: judge what is still open, since nothing will come any more."""
-        self._deliver(self.core.end(self._enter()))
+        self._judge(self.core.end, self._enter())
         self.ledger.end()
 
     def go_on(self) -> None:
         """Take events again after a close that failed; what ends the session is checked again later."""
         self.closing = False
         for name in (monitor.name for monitor in self.monitors.values() if not monitor.attached):
-            self._deliver(self.core.detach(name, self._enter()))
+            self._judge(self.core.detach, name, self._enter())
         self.await_monitors()
 
     def await_monitors(self) -> None:
@@ -303,13 +280,8 @@ class LiveSession:
         return counted(self.core, self.ledger.refused)
 
     @property
-    def _is_crammed(self) -> bool:
-        """Whether nothing more can be kept, and as much waits for that as may."""
-        return self.trouble is not None and sum(m.unsettled for m in self.monitors.values()) > _MOST_UNKEPT
-
-    @property
     def _ignores_events(self) -> bool:
-        return self.closing or self.clock_went_back
+        return self.closing or self.clock_went_back or self.keeping.failed is not None
 
     def _set_time(self, wanted: Attach) -> None:
         """Let the first monitor choose wall or simulated time. Raises a fatal `WireError` where another one differs."""
@@ -319,7 +291,7 @@ class LiveSession:
 
     def _enter(self) -> int:
         """Suspend judging while the history can't be written, and return the present time in nanoseconds."""
-        self.core.suspended = self._history.failure is not None or self.trouble is not None
+        self.core.suspended = self._history.failure is not None or self.keeping.trouble is not None
         return self.clock.now()
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
@@ -347,7 +319,7 @@ class LiveSession:
                 self.core.simulated.leave(monitor.name)
             self.credit.close(monitor.name)
             if not self.closing:  # time passes no more, since events are taken no more
-                self._deliver(self.core.detach(monitor.name, self._enter()))
+                self._judge(self.core.detach, monitor.name, self._enter())
         self.presence.leave_empty()
 
     def _end_if_over(self) -> None:
@@ -359,6 +331,18 @@ class LiveSession:
     def _count_duplicate(self, monitor: Monitor, key: StreamKey) -> None:
         if key in self.spec.by_key:
             self.core.counts[monitor.name, key].duplicates += 1
+
+    def _judge(self, judging: Callable[[Unpack[Args]], list[Judged]], *args: *Args) -> list[Judged]:
+        """Have something judged and delivered; where that fails, nothing of the session is judged any more."""
+        if self.keeping.failed:
+            return []
+        try:
+            judged = judging(*args)
+            self._deliver(judged)
+        except Exception as error:  # noqa: BLE001 -- whatever it is, what is judged of it then would be wrong
+            self.keeping.fail(error)
+            return []
+        return judged
 
     def _deliver(self, judged: list[Judged]) -> None:
         """Send decisions and credit at once, and queue the steps for the history."""
@@ -394,4 +378,4 @@ class LiveSession:
         if self._timer:
             self._timer.cancel()
         self._armed = self._timer = None
-        self._deliver(self.core.advance(self._enter()))
+        self._judge(self.core.advance, self._enter())

@@ -122,7 +122,7 @@ class Registry:
         if wanted.spec is not None and wanted.spec != session.spec.id:
             message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
             raise WireError("spec_mismatch", message, fatal=True)
-        session.check_kept()
+        session.keeping.check()
         return session, session.attach(wanted, outbox)
 
     async def create(
@@ -241,7 +241,8 @@ class Registry:
     def save(self, number: int) -> None:
         """Take a snapshot of an open session, unless the last one was taken too recently."""
         for session in self.open.values():
-            if session.number == number and not session.closing and session.ledger.snapshots.rested:
+            judged = not session.closing and session.keeping.failed is None
+            if session.number == number and judged and session.ledger.snapshots.rested:
                 session.share.run_for_server(session.ledger.save)
 
     async def end(self, name: str, within: float) -> bool:

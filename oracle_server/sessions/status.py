@@ -20,6 +20,7 @@ from oracle_server.sessions.standing import caveats
 
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
+    trouble = session.keeping.trouble
     return {
         "id": session.id,
         "spec": session.spec.id,
@@ -35,7 +36,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "opened": session.opened,
         "closed": None,
         "closed_because": None,
-        "trouble": None if session.trouble is None else f"nothing more of it can be kept: {session.trouble}",
+        "trouble": None if trouble is None else f"nothing more of it can be kept: {trouble}",
         "monitors": list(_monitors(session)),
         **judged_state(session.core, now, session.ledger.refused),
     }

@@ -31,7 +31,7 @@ class Asked:
         ready = plan(parse_spec(spec("x", url), "x.yaml").spec)
         self._core = Session(ready, make_engines(ready))
         self._judgements = Judgements()
-        self.oracles = Live(self._core, time.time_ns, self._judgements.note)
+        self.oracles = Live(self._core, time.time_ns, lambda judging: self._judgements.note(judging()))
 
     async def judged(self, seq: int) -> str:
         """What is said of an event."""

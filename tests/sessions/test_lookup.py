@@ -69,14 +69,14 @@ async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: py
     await history.flush()
     for seq in range(1, 31):
         live.ingest(monitor, event(seq, ask=True, speed=seq))
-    assert not live.has_room, "its monitors are not read meanwhile"
+    assert not live.keeping.has_room, "its monitors are not read meanwhile"
     async with asyncio.timeout(10):
         while not history.asked:
             await asyncio.sleep(0)
-    assert not live.has_room, "one that is taken makes room for none"
+    assert not live.keeping.has_room, "one that is taken makes room for none"
     history.going.set()
     async with asyncio.timeout(10):
-        await live.room()
+        await live.keeping.room()
     found = await outbox.expect("decision", 60)
     assert found[30:] == found[:30]
 
@@ -152,10 +152,10 @@ async def test_no_failure_leaves_an_event_waiting_or_a_session_unread(
     monkeypatch.setattr(history, "asked_step", fails)
     for seq in (1, 2, 3):
         live.ingest(monitor, event(seq, ask=True, speed=9))
-    assert not live.has_room
+    assert not live.keeping.has_room
     assert [frame["seq"] for frame in await outbox.expect("decision", 5)] == [1, 2, 3, 2, 3]
     async with asyncio.timeout(10):
-        await live.room()
+        await live.keeping.room()
     assert "no outcome 'x'" in capsys.readouterr().out
 
 

@@ -17,8 +17,8 @@ from oracle_server.history.port import Done
 from oracle_server.history.records import SessionRecord, StoredStep, stored
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
+from oracle_server.sessions import keeping as keeping_module
 from oracle_server.sessions import ledger as ledger_module
-from oracle_server.sessions import live as live_module
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
@@ -85,7 +85,7 @@ async def test_only_the_session_whose_row_it_is_is_judged_no_more(sessions: Regi
         await sessions.flush()
         await asyncio.sleep(0)
     assert [acked(outbox) for _, _, outbox in talks] == [4, 2, 4]
-    assert [live.trouble is None for live, _, _ in talks] == [True, False, True]
+    assert [live.keeping.trouble is None for live, _, _ in talks] == [True, False, True]
     decisions = [[f["decision"] for f in outbox.frames if f["type"] == "decision"] for _, _, outbox in talks]
     assert decisions[0] == decisions[2] == ["allow"] * 4
     assert decisions[1] == ["allow", "allow", "deny", "deny"], "13 is too fast, and what is not kept is not allowed"
@@ -129,7 +129,7 @@ async def test_a_restart_goes_on_where_it_was_kept(sessions: Registry, history: 
     second = Registry(again, Library(None, tmp_path), Clock(), resume_within=10.0)
     await second.restore_all()
     live, monitor, outbox = await joined(second, "one")
-    assert live.trouble is None
+    assert live.keeping.trouble is None
     assert monitor.numbering.next == 2
     for seq in (2, 3):
         await say(second, live, monitor, seq, 1)
@@ -138,18 +138,18 @@ async def test_a_restart_goes_on_where_it_was_kept(sessions: Registry, history: 
 
 
 async def test_what_it_holds_in_memory_is_bounded(sessions: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_module, "_MOST_UNKEPT", 5)
+    monkeypatch.setattr(keeping_module, "_MOST_UNKEPT", 5)
     live, monitor, _ = await joined(sessions, "one")
     other, other_monitor, outbox = await joined(sessions, "two")
     rooms = []
     for seq in range(1, 10):
         await say(sessions, live, monitor, seq, BAD if seq == 2 else 1)
-        rooms.append(live.has_room)
+        rooms.append(live.keeping.has_room)
     assert rooms == [True] * 6 + [False] * 3
-    waiting = asyncio.ensure_future(live.room())
+    waiting = asyncio.ensure_future(live.keeping.room())
     for seq in range(1, 10):
         await say(sessions, other, other_monitor, seq, 1)
-    assert (other.has_room, acked(outbox)) == (True, 9)
+    assert (other.keeping.has_room, acked(outbox)) == (True, 9)
     assert not waiting.done()
     assert await sessions.closed_within(live, PATIENCE)
     await waiting
@@ -168,11 +168,11 @@ async def test_a_session_that_can_not_be_kept_from_the_start_is_told(
     live = await sessions.create("guard", "one")
     await sessions.flush()
     with pytest.raises(WireError, match="can't be kept any more"):
-        live.check_kept()
+        live.keeping.check()
     spoil.clear()
     live = await sessions.create("guard", "two")
     await sessions.flush()
-    live.check_kept()
+    live.keeping.check()
 
 
 async def test_a_state_that_can_not_be_kept_closes_nothing(sessions: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,7 +181,7 @@ async def test_a_state_that_can_not_be_kept_closes_nothing(sessions: Registry, m
         broken.setattr("oracle_server.sessions.registry.session_state", lambda *_: {"id": "\ud800"})
         with pytest.raises(Exception, match="could not be closed, and stays open"):
             await sessions.closed_within(live, PATIENCE)
-    assert live.trouble is None
+    assert live.keeping.trouble is None
     await say(sessions, live, monitor, 1, 1)
     assert acked(outbox) == 1
     assert await sessions.closed_within(live, PATIENCE)
@@ -201,5 +201,5 @@ async def test_a_step_of_which_no_row_can_be_made_ends_its_session_alone(
         for i, (live, monitor, _) in enumerate(talks):
             await say(sessions, live, monitor, seq, speed if i else 1)
     assert [acked(outbox) for _, _, outbox in talks] == [3, 1]
-    assert talks[0][0].trouble is None
-    assert talks[1][0].trouble == "AssertionError: no row can be made of it"
+    assert talks[0][0].keeping.trouble is None
+    assert talks[1][0].keeping.trouble == "AssertionError: no row can be made of it"
