@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
-from typing import Any, assert_never
+from collections.abc import Callable
 
 import structlog
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from oracle_server.attach.conversation import MAX_QUEUE, Conversation, Received
+from oracle_server.attach.conversation import MAX_QUEUE, Conversation
+from oracle_server.attach.dispatch import data_of, dispatch
 from oracle_server.attach.throttle import Throttle
 from oracle_server.attach.timeout import ReusableTimeout
 from oracle_server.core.errors import HistoryError
@@ -23,19 +23,7 @@ from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import Outgoing
-from oracle_server.wire.incoming import (
-    SUBPROTOCOL,
-    Attach,
-    ClockMessage,
-    Detach,
-    EventMessage,
-    HandlingMessage,
-    HandlingsMessage,
-    QuickClock,
-    QuickEvent,
-    QuickHandlings,
-    ReportMessage,
-)
+from oracle_server.wire.incoming import SUBPROTOCOL, Attach
 from oracle_server.wire.json import encode, encode_bytes
 
 _ATTACH_WITHIN = 10.0
@@ -95,6 +83,10 @@ class Connection:
     async def sent(self) -> None:
         """Wait until the last frame was sent, or the connection is lost."""
         await self._closed.wait()
+
+    async def reached(self) -> bool:
+        """Whether the monitor's system takes what is sent, within `_STALLED` seconds."""
+        return self._direct is None or await self._direct.reached(_STALLED)
 
     @property
     def queued(self) -> int:
@@ -212,7 +204,7 @@ class Connection:
         """Receive `attach`, and answer it. Raises a fatal `WireError` where it is refused, or takes too long."""
         try:
             async with asyncio.timeout(_ATTACH_WITHIN):
-                data = _data_of(await self._socket.receive())
+                data = data_of(await self._socket.receive())
         except TimeoutError:
             raise WireError("bad_attach", f"no `attach` within {_ATTACH_WITHIN:.0f} s", fatal=True) from None
         self._conversation.receive(data)
@@ -264,7 +256,7 @@ class Connection:
             if self._throttle.must_yield:
                 self._due_pause = self._pause()
                 await asyncio.sleep(0)  # the turn of others
-            return _data_of(await self._socket.receive())
+            return data_of(await self._socket.receive())
         finally:
             self._idle = False
 
@@ -333,7 +325,7 @@ class Connection:
             message = self._direct.receive_waiting() if self._direct is not None and session.keeping.has_room else None
             if message is None:
                 return
-            self._process_frame(_data_of(message))
+            self._process_frame(data_of(message))
 
     def _process_frame(self, data: str | bytes, *, batches: bool = True) -> bool:
         """Process a frame; False for a batch where `batches` is False."""
@@ -352,7 +344,7 @@ class Connection:
         try:
             while (message := conversation.next_message()) is not None:
                 try:
-                    _dispatch(message, session, monitor)
+                    dispatch(message, session, monitor)
                 except WireError as error:
                     conversation.refuse(error)
                 if not conversation.in_batch:
@@ -364,35 +356,3 @@ class Connection:
             self._processing = False
             if conversation.ended:
                 self._ready.set()
-
-
-def _data_of(message: Mapping[str, Any]) -> str | bytes:
-    """What a message of the socket holds. Raises `WebSocketDisconnect` where it is the last one."""
-    if message["type"] == "websocket.disconnect":
-        raise WebSocketDisconnect(message.get("code", 1006))
-    text: str | None = message.get("text")
-    return message.get("bytes") or b"" if text is None else text
-
-
-def _dispatch(message: Received, session: LiveSession, monitor: Monitor) -> None:
-    """Pass a monitor's message to its session. Raises `WireError` where it is refused."""
-    match message:
-        case QuickEvent() | EventMessage():
-            session.ingest(monitor, message)
-        case WireError():
-            session.refuse(monitor, message)
-        case QuickClock() | ClockMessage():
-            session.update_clocks(monitor, message)
-        case HandlingMessage():
-            session.record_handling(monitor, message)
-        case QuickHandlings(outcomes=outcomes) | HandlingsMessage(outcomes=outcomes):
-            for outcome in outcomes:
-                session.record_handling(monitor, outcome)
-        case ReportMessage():
-            session.report(monitor, message)
-        case Detach():
-            session.detach(monitor)
-        case Attach():
-            pass  # only the first frame, which `_attach` answers
-        case _:
-            assert_never(message)

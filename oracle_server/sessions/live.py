@@ -29,7 +29,7 @@ from oracle_server.sessions.endings import CLOCK_WENT_BACK
 from oracle_server.sessions.judgements import Judgements
 from oracle_server.sessions.keeping import Keeping
 from oracle_server.sessions.ledger import Ledger
-from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
+from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed, taken
 from oracle_server.sessions.presence import Presence
 from oracle_server.sessions.shares import Share
 from oracle_server.wire.errors import WireError
@@ -76,6 +76,22 @@ class LiveSession:
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
+    async def vacate(self, wanted: Attach) -> bool:
+        """Let go of the connection of another process of a monitor's name, if its peer is not reached any more.
+
+        Returns whether there was one. Raises a fatal `WireError` where that process is there.
+        """
+        monitor = self.monitors.get(wanted.monitor)
+        if monitor is None or monitor.outbox is None or monitor.instance == wanted.instance:
+            return False
+        outbox = monitor.outbox
+        if await outbox.reached():
+            raise taken(monitor.name)
+        log.info("monitor is not reached any more", session=self.id, monitor=monitor.name)
+        outbox.drop(WireError("replaced", "another process of the name took over", fatal=True))
+        self.disconnected(monitor, outbox)
+        return True
+
     def attach(self, wanted: Attach, outbox: Outbox) -> Monitor:
         """Attach a monitor. Raises a fatal `WireError` where it is refused."""
         streams = claimed(self.spec, wanted)
@@ -87,7 +103,7 @@ class LiveSession:
             monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
         if monitor.outbox is not None:
             if monitor.instance != wanted.instance:
-                raise WireError("monitor_taken", f"another process is attached as '{wanted.monitor}'", fatal=True)
+                raise taken(monitor.name)
             monitor.outbox.drop(WireError("replaced", "a newer connection of this process took over", fatal=True))
         monitor.attach(wanted, outbox, streams)
         self.core.bypass(monitor.name, monitor.bypasses)

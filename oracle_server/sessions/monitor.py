@@ -34,6 +34,10 @@ class Outbox(Protocol):
         """Wait until the last frame was sent, or the connection is lost."""
         ...
 
+    async def reached(self) -> bool:
+        """Whether what is sent still reaches the monitor's system; that takes some seconds where it does not."""
+        ...
+
     def finish(self, frame: Outgoing) -> None:
         """Send a last frame and close."""
         ...
@@ -128,6 +132,11 @@ class Monitor:
         """Send `detached` where the monitor is detaching and all that it sent is committed."""
         if self.detaching and self.unsettled == 0 and self.outbox:
             self.outbox.finish({"type": "detached"})
+
+
+def taken(name: str) -> WireError:
+    """What a process is told that attaches by the name of one that is connected."""
+    return WireError("monitor_taken", f"another process is attached as '{name}'", fatal=True)
 
 
 def claimed(spec: Spec, wanted: Attach) -> tuple[StreamKey, ...]:

@@ -298,7 +298,7 @@ class Registry:
         if wanted.session is not None:
             joined = await self._joined(wanted.session, wanted.instance)
             if joined is not None:
-                return joined
+                return await self._session_for(wanted) if await joined.vacate(wanted) else joined
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
         try:

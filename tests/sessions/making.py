@@ -61,6 +61,9 @@ class Kept:
     async def sent(self) -> None:
         pass
 
+    async def reached(self) -> bool:
+        return True
+
     async def expect(self, kind: str, count: int = 1) -> list[dict[str, Any]]:
         """Wait until so many frames of a type were sent: all of these."""
         async with asyncio.timeout(PATIENCE):

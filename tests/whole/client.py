@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
 import json
+import socket
+import struct
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -15,6 +18,10 @@ from websockets.typing import Subprotocol
 from tests.whole.harness import PATIENCE, Server
 
 Frame = dict[str, Any]
+
+_ATTACH_FILTER = 26
+"""Linux's `SO_ATTACH_FILTER`: which packets a socket takes, as a program of the Berkeley Packet Filter."""
+_BPF_RETURN = 6
 
 BASE = 1_732_147_200 * 10**9
 """A time in the past, in nanoseconds, from which the tests count their stamps."""
@@ -85,6 +92,12 @@ class Monitor:
                 frames.append(await self.recv())
         except ConnectionClosed as end:
             return frames, end.rcvd.code if end.rcvd else None
+
+    def lose_network(self) -> None:
+        """Have nothing that the server sends arrive any more, as where a cable was cut: the system acks nothing."""
+        drop_all = ctypes.create_string_buffer(struct.pack("HBBI", _BPF_RETURN, 0, 0, 0))
+        program = struct.pack("HL", 1, ctypes.addressof(drop_all))
+        self.socket.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, _ATTACH_FILTER, program)
 
     def vanish(self) -> None:
         """Break the connection without a word."""

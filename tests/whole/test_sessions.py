@@ -161,6 +161,22 @@ async def test_another_process_of_the_name_takes_over_once_the_connection_is_los
     assert [r["degraded"] for r in server.records(session, property="a_is_small")] == [False] * 3
 
 
+async def test_another_process_of_the_name_takes_over_where_the_old_one_is_not_reached(
+    server: Server, session: str
+) -> None:
+    """A robot that was switched off says nothing of it: its connection stands until it has answered no ping."""
+    async with attached(server, session=session, spec="pair", streams=["/a"]) as old:
+        await old.send(make_event(1, data={"v": 1}))
+        await old.acked(1)
+        old.lose_network()
+        async with attached(server, session=session, instance="m1-2", streams=["/a"]) as new:
+            assert new.attached["next"] == 2
+            await new.send(make_event(2, at=1, data={"v": 1}))
+            await new.acked(2)
+            old.vanish()
+    assert judged(server, session) == [("m1", "/a", 1), ("m1", "/a", 2)]
+
+
 async def test_a_new_process_loses_none_of_its_events_to_those_that_the_old_one_left_waiting(
     server: Server, session: str
 ) -> None:
