@@ -37,7 +37,7 @@ class Fleet:
             try:
                 return await node.records(session)
             except httpx.TransportError:
-                await asyncio.sleep(0.05)  # it is being started again
+                await node.up.wait()  # it is being started again, once its end is noticed
 
     async def __aenter__(self) -> Self:
         """Start all."""
