@@ -16,10 +16,9 @@ import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from oracle_server.core.errors import OracleError
-from oracle_server.core.spec import IDENTIFIER
 from oracle_server.history.origins import origin_of, own_name
 from oracle_server.sessions.runs import goes_on
-from oracle_server.wire.incoming import Identifier
+from oracle_server.wire.incoming import Identifier, SessionName
 
 Scope = Literal["submit", "read", "admin"]
 _PREFIX = "oracle_"
@@ -29,10 +28,6 @@ log = structlog.get_logger()
 
 class TokenError(OracleError):
     """A token file that can't be used, or a token that can't be added or removed."""
-
-
-SessionName = Annotated[str, Field(pattern=f"{IDENTIFIER[:-1]}(@{IDENTIFIER[1:-1]})?$")]
-"""The name of a session, of one that is forwarded too: `s1@robot7`."""
 
 
 class Token(BaseModel):

@@ -32,14 +32,15 @@ class Others:
     async def moved(self, name: str, *, known: bool) -> WireError | None:
         """What who wants to join a session is told, None where no other server has it; `known`: it has a record.
 
-        It names the other one's address, if it is known. A session of this server that has no record yet is one that
-        is being opened. Raises `HistoryError`.
+        It names the other one's address, if it is known. A robot's session is never joined here. A session of this
+        server that has no record yet is one that is being opened. Raises `HistoryError`.
         """
+        if (origin := origin_of(name)) is not None:
+            why = f"'{name}' names a session of '{origin}', which is only read here: attach to the server there, where "
+            return WireError("bad_attach", f"{why}it is '{own_name(name)}'", fatal=True)
         place = await self._history.elsewhere(name)
         if place is None or (place.here and not known):
             return None
-        if origin_of(name) is not None:
-            return WireError("session_closed", _forwarded(name), fatal=True)
         url = place.url if place.lasting and not place.here else None
         return WireError("moved", f"session '{name}' is {_where(place)}", fatal=True, url=url)
 

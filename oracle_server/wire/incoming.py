@@ -32,6 +32,8 @@ MAX_PARTS = 100_000
 """The most lists and objects in an event's data: as many as there are where each key holds a list of one object."""
 
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
+SessionName = Annotated[str, Field(pattern=f"{IDENTIFIER[:-1]}(@{IDENTIFIER[1:-1]})?$")]
+"""The name of a session, of one that is forwarded too: `s1@robot7`."""
 MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]
 Stamp = Annotated[int, Field(ge=0, lt=2**63)]
 Seq = Annotated[int, Field(ge=1, lt=2**53)]
@@ -48,7 +50,7 @@ class Attach(_Message):
     type: Literal["attach"]
     monitor: MonitorName
     instance: Annotated[str, Field(min_length=1, max_length=128)]
-    session: Identifier | None = None
+    session: SessionName | None = None
     spec: Identifier | None = None
     streams: Annotated[list[str], Field(fail_fast=True)] | None = None
     clock: TimeBase = "wall"

@@ -89,7 +89,7 @@ async def test_sessions_that_robots_forward_are_nobody_elses_in_a_copy(
         await others.demand_own(THERE)
     refused = await others.moved(THERE, known=True)
     assert refused is not None
-    assert refused.code == "session_closed"
+    assert refused.code == "bad_attach"
     await asyncio.to_thread(history.close)
 
 

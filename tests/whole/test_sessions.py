@@ -94,6 +94,14 @@ async def test_a_session_of_its_own_ends_when_its_monitor_does_not_come_back(sta
     assert judged(server, session) == [("m1", "/a", 1)]
 
 
+async def test_who_attaches_by_a_robots_name_at_a_centre_is_told_where_that_session_is(server: Server) -> None:
+    error = await refused(server, spec="pair", session="s1@robot7")
+    assert error["code"] == "bad_attach"
+    assert "a session of 'robot7', which is only read here: attach to the server there" in error["message"]
+    assert error["message"].endswith("where it is 's1'")
+    assert "pattern" in (await refused(server, spec="pair", session="s1@robot7@robot8"))["message"]
+
+
 async def test_a_refused_attach_leaves_no_session_behind(start: Starts) -> None:
     server = start(ORACLE_RESUME_WITHIN="0.05")
     assert (await refused(server, spec="pair", streams=["/nowhere"]))["code"] == "bad_attach"
