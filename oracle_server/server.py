@@ -55,7 +55,7 @@ from oracle_server.remote.receivers import load_receivers
 from oracle_server.remote.webhooks import Webhooks
 from oracle_server.rostypes.known import Types
 from oracle_server.sessions.registry import Registry
-from oracle_server.sessions.sharing import share
+from oracle_server.sessions.sharing import close_left, share
 from oracle_server.specfiles.library import Library, Unsound
 from oracle_server.wire.incoming import MAX_FRAME
 
@@ -235,6 +235,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             works += [pruner.run(settings.retain_check), history.catch_up()]
         if settings.history.startswith(POSTGRES):
             works.append(share(registry, history, settings.lease / _LOOKS))
+            works.append(close_left(registry, history, settings.retain_check))
         if forwarding is not None:
             works.append(forwarding.run())
         if door.foxglove is not None:

@@ -42,6 +42,10 @@ class Alone:
         """The sessions that other servers have open: none."""
         return []
 
+    async def left(self) -> list[str]:
+        """The open sessions that robots have deleted: none forwards to it."""
+        return []
+
     async def take_over(self, known: Collection[int]) -> list[SessionRecord]:  # noqa: ARG002
         """The sessions that this server has got: none."""
         return []

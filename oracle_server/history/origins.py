@@ -28,6 +28,13 @@ def silent_text(origin: str, since: str) -> str:
     return f"'{origin}' was heard last at {since} UTC: what was judged there since then is not known here"
 
 
+def deleted_text(origin: str) -> str:
+    """What people are told of a session whose end will not come."""
+    return (
+        f"'{origin}' has deleted it without having forwarded its end: what was judged there, and is not here, is lost"
+    )
+
+
 def copied_text(origin: str) -> str:
     """What people are told of an open session of a robot which forwards to the history that this is a copy of."""
     return (

@@ -294,6 +294,10 @@ class Sharing(Protocol):
         """
         ...
 
+    async def left(self) -> list[str]:
+        """The names of open sessions of which nothing more will come: their robots have deleted them."""
+        ...
+
     async def take_over(self, known: Collection[int]) -> list[SessionRecord]:
         """Take the sessions of servers whose lease has run out; returns those that are this one's, and not `known`."""
         ...

@@ -90,7 +90,8 @@ class PropertyStands(NamedTuple):
 class OtherSession(NamedTuple):
     """A session that another server has open, by what is committed: its last position, and its monitors.
 
-    Of each of these it has the name, whether it is attached, and its clock.
+    Of each of these it has the name, whether it is attached, and its clock. What `may_end` has no server any more by
+    which it could be closed.
     """
 
     record: SessionRecord
@@ -99,6 +100,7 @@ class OtherSession(NamedTuple):
     properties: list[PropertyStands]
     monitors: list[tuple[str, bool, TimeBase]]
     trouble: str | None = None
+    may_end: bool = False
 
 
 class MonitorRecord(NamedTuple):

@@ -5,10 +5,12 @@ Nothing of them is judged here. How they stand is read from what is committed.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from oracle_server.core.errors import OracleError
 from oracle_server.history.origins import origin_of, own_name
 from oracle_server.history.port import History
-from oracle_server.history.records import Document, Elsewhere, OtherSession
+from oracle_server.history.records import Document, Elsewhere, OtherSession, SessionRecord
 from oracle_server.sessions.committed import first_place, property_state
 from oracle_server.sessions.last import standing
 from oracle_server.sessions.unrestored import bare
@@ -17,6 +19,13 @@ from oracle_server.wire.errors import WireError
 
 class OtherServerError(OracleError):
     """A session that another server has, which alone can do what is asked for."""
+
+
+class Left(NamedTuple):
+    """A session that no server has any more, and how it stands."""
+
+    record: SessionRecord
+    state: Document
 
 
 class Others:
@@ -52,15 +61,21 @@ class Others:
                 raise OtherServerError(_forwarded(name))
             raise OtherServerError(f"session '{name}' is {_where(place)}; only that one can do this")
 
+    async def left(self, name: str) -> Left | None:
+        """A session that robots have forwarded, and that may be closed here, since its robot is not heard or lost it.
+
+        None where nobody else has it. Raises `OtherServerError` where another server has a session.
+        """
+        found = await self._history.open_elsewhere(name) if origin_of(name) is not None else []
+        if not found or not found[0].may_end:
+            await self.demand_own(name)
+            return None
+        return Left(found[0].record, await self._told(found[0]))
+
     async def state(self, name: str) -> Document | None:
         """How a session stands that another server has, by what is committed; None where none has it."""
         found = await self._history.open_elsewhere(name)
-        if not found:
-            return None
-        state = _state(await self._revised(found[0]))
-        for prop in state["properties"]:
-            prop.update(await first_place(self._history, found[0].record, prop["first_violation"]))
-        return state
+        return await self._told(found[0]) if found else None
 
     async def states(self, origin: str | None = None) -> list[Document]:
         """How all of them stand, or those that are forwarded from a robot, the newest first.
@@ -68,6 +83,12 @@ class Others:
         Where a property was violated first is left out: it is a look for each.
         """
         return [_state(await self._revised(other)) for other in await self._history.open_elsewhere(origin=origin)]
+
+    async def _told(self, other: OtherSession) -> Document:
+        state = _state(await self._revised(other))
+        for prop in state["properties"]:
+            prop.update(await first_place(self._history, other.record, prop["first_violation"]))
+        return state
 
     async def _revised(self, other: OtherSession) -> OtherSession:
         """A session's properties by more than its last row, where late events may put verdicts right."""

@@ -11,6 +11,8 @@ from oracle_server.wire.errors import WireError
 
 BY_REQUEST = "by request"
 """Why a session was closed that somebody closed."""
+DELETED_THERE = "its robot has deleted it"
+"""Why a session is over that a robot has forwarded, but not to its end."""
 SPEC_CHANGED = "its spec was changed"
 """Why a session is over whose adapter judges by itself, and was started with another text of its spec."""
 CLOCK_WENT_BACK = "its simulated time went back"

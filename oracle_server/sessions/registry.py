@@ -24,7 +24,7 @@ from oracle_server.sessions.alarms import SessionAlarms, Sink, session_ended
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
-from oracle_server.sessions.elsewhere import Others
+from oracle_server.sessions.elsewhere import Left, Others
 from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
@@ -245,19 +245,19 @@ class Registry:
             if session.number == number and judged and session.ledger.snapshots.rested:
                 session.share.run_for_server(session.ledger.save)
 
-    async def end(self, name: str, within: float) -> bool:
+    async def end(self, name: str, within: float, because: str = BY_REQUEST) -> bool:
         """Close the session of a name, if it is open, and return whether it is closed within `within` seconds.
 
         Raises as `closed_within` does, and `OtherServerError` where another server has it.
         """
         session, unrestored, recorded = self.open.get(name), self.unrestored.get(name), self.recorded.get(name)
         if session is not None:
-            return await self.closed_within(session, within)
+            return await self.closed_within(session, within, because)
         if recorded is not None:
             recorded.cancel()
             return await recorded.closed_within(within)
-        await self.others.demand_own(name)
-        return unrestored is None or await self.abandon(unrestored, within)
+        left = unrestored or await self.others.left(name)
+        return left is None or await self._abandon(left, within, because)
 
     async def closed_within(self, session: LiveSession, within: float, because: str = BY_REQUEST) -> bool:
         """Close a session, and return whether it is closed within `within` seconds; else the closing continues.
@@ -270,18 +270,18 @@ class Registry:
             raise stops() if self._stopping else SessionStaysOpenError(reason)
         return not waiting
 
-    async def abandon(self, unrestored: Unrestored, within: float) -> bool:
-        """Close a session that could not be restored, as it stands; returns whether it is within so many seconds.
+    async def _abandon(self, left: Unrestored | Left, within: float, because: str) -> bool:
+        """Close a session that nobody judges, as it stands; returns whether it is within so many seconds.
 
         Else it is closed as soon as the history can be written.
         """
-        now, record = self._clock.now(), unrestored.record
-        state = unrestored.state | end_of(now, BY_REQUEST) | {"continued_by": None, "clock_went_back": False}
-        self._history.close_session(record.number, now, state, lambda: self.unrestored.pop(record.id, None))
+        now, known, gone = self._clock.now(), left.record, list[object]()
+        state = left.state | end_of(now, because) | {"continued_by": None, "clock_went_back": False}
+        self._history.close_session(known.number, now, state, lambda: gone.append(self.unrestored.pop(known.id, None)))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(within):
                 await self._history.flush()
-        return record.id not in self.unrestored
+        return bool(gone)
 
     async def shut_down(self) -> None:
         """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open.

@@ -6,9 +6,13 @@ import asyncio
 
 import structlog
 
-from oracle_server.core.errors import HistoryError
+from oracle_server.core.errors import HistoryError, OracleError
 from oracle_server.history.port import History
+from oracle_server.sessions.endings import DELETED_THERE
 from oracle_server.sessions.registry import Registry
+
+_CLOSE_WITHIN = 10.0
+"""Seconds for a session to be closed of which nothing more will come."""
 
 log = structlog.get_logger()
 
@@ -30,3 +34,17 @@ async def share(registry: Registry, history: History, every: float) -> None:
                 failing = True
         except Exception:  # without this task, nobody would go on with the sessions of a server that is gone
             log.exception("other servers' sessions can't be taken over now")
+
+
+async def close_left(registry: Registry, history: History, every: float) -> None:
+    """Close every so many seconds, for ever, the sessions that robots have deleted: else they would stay open."""
+    while True:
+        await asyncio.sleep(every)
+        try:
+            for name in await history.left():
+                await registry.end(name, _CLOSE_WITHIN, DELETED_THERE)
+                log.info("a session is closed that its robot has deleted", session=name)
+        except OracleError as error:  # as where another server has just closed it
+            log.warning("sessions that robots have deleted can't be closed now", reason=str(error))
+        except Exception:  # without this task, they would never be deleted
+            log.exception("sessions that robots have deleted can't be closed now")

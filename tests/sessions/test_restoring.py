@@ -159,7 +159,7 @@ async def test_a_session_that_could_not_be_restored_is_closed_for_good(tmp_path:
     await second.restore_all()
     before = await second.state("one")
     assert before is not None
-    assert await second.abandon(second.unrestored["one"], PATIENCE)
+    assert await second.end("one", PATIENCE)
     assert second.unrestored == {}
     state = await second.state("one")
     assert state is not None

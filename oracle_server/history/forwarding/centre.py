@@ -70,6 +70,12 @@ _ENDED = """
 UPDATE forwarded SET ended = (extract(epoch FROM clock_timestamp()) * 1000000000)::bigint
 WHERE session = ? AND ended IS NULL
 """
+_REOPEN = """
+UPDATE sessions SET closed = NULL, state = NULL WHERE number IN (
+    SELECT session FROM forwarded WHERE session = ANY(?::bigint[]) AND ended IS NULL
+) AND closed IS NOT NULL
+"""
+"""They were closed at the centre, where nobody knew whether more of them would come."""
 _FIRST_OF = "DELETE FROM steps WHERE session = ? AND position BETWEEN ? AND ?"
 _REPLACED = "DELETE FROM steps WHERE session = ? AND position = ANY(?::bigint[]) RETURNING position"
 _SESSION = "DELETE FROM sessions WHERE number = ? RETURNING id"
@@ -132,6 +138,10 @@ class Centre:
         """Have all steps brought again."""
         self._database.execute(_ANEW, (self._origin, self._robot))
 
+    def end(self, numbers: Iterable[int]) -> None:
+        """Note of sessions that the robot has deleted that nothing more of them will come, be it their end."""
+        self._database.executemany(_ENDED, [(self.places[number].session,) for number in numbers])
+
     def demand_held(self) -> None:
         """Raise `HistoryError` where the centre does not answer, or would take nothing; it is asked now and then."""
         now = time.monotonic()
@@ -156,6 +166,7 @@ class Centre:
         places = self.places | {number: self._begin(row) for number, row in chunk.sessions.items()}
         names = {page.session for page in chunk.pages} | {change.key[0] for change in chunk.changes}
         there = self._there(places[number].session for number in names)
+        self._database.execute(_REOPEN, (_array(there),))
         lost = dropped = 0
         for page in chunk.pages:
             was = places[page.session]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -91,6 +91,11 @@ class Robot:
             return seq <= self._begun and all(
                 number not in extents or self._is_same(number, each, extents[number]) for number, each in known.items()
             )
+
+    def gone(self, known: Iterable[int]) -> list[int]:
+        """Those of some sessions that retention has deleted here."""
+        there = {number for (number,) in self._database.execute("SELECT number FROM sessions")}
+        return [number for number in known if number not in there]
 
     def read(self, cursors: Mapping[int, int], seq: int, most: int) -> Chunk:
         """What comes next: steps, and once all of these are there, what has changed. `cursors` are by session."""

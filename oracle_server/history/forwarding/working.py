@@ -58,6 +58,7 @@ class Bringing:
                 self._centre.begin_anew()
                 self.close()
                 return Told(anew="less")
+            self._centre.end(self._robot.gone(self._centre.known))
         robot, centre = self._robot, self._centre
         chunk = robot.read(centre.cursors, centre.seq, ask.rows)
         wrote = Wrote()

@@ -5,12 +5,20 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Collection
 from functools import partial
+from typing import Any
 
 import msgspec
 import structlog
 
 from oracle_server.core.errors import HistoryError
-from oracle_server.history.origins import copied_text, forwarded_name, missing_text, origin_of, silent_text
+from oracle_server.history.origins import (
+    copied_text,
+    deleted_text,
+    forwarded_name,
+    missing_text,
+    origin_of,
+    silent_text,
+)
 from oracle_server.history.port import Done
 from oracle_server.history.postgres import sharing
 from oracle_server.history.postgres.reader import Pool, PostgresReader, connect
@@ -135,8 +143,12 @@ class PostgresHistory(SqlHistory):
         found = await self._reader.all(self._other, sharing.OTHERS_OPEN, (self._node, name, end))
         numbers = ",".join(str(other.record.number) for other in found if origin_of(other.record.id))
         rows = await self._reader.all(tuple, sharing.FORWARDED, (_SILENT, f"{{{numbers}}}")) if numbers else []
-        robots = {session: (gaps, silent) for session, gaps, silent in rows}
+        robots = {session: told for session, *told in rows}
         return [_of_robot(other, robots.get(other.record.number)) for other in found]
+
+    async def left(self) -> list[str]:
+        """The names of open sessions that robots have deleted."""
+        return await self._reader.all(lambda row: str(row[0]), sharing.LEFT)
 
     async def take_over(self, known: Collection[int]) -> list[SessionRecord]:
         """Take the sessions of nodes whose lease has run out; returns those that are this one's, and not `known`."""
@@ -174,22 +186,24 @@ class PostgresHistory(SqlHistory):
         return Elsewhere(node or "", url, node == self._node, lasting)
 
 
-def _of_robot(other: OtherSession, told: tuple[str, str | None] | None) -> OtherSession:
+def _of_robot(other: OtherSession, told: list[Any] | None) -> OtherSession:
     """A session with its place at the robot that forwards it, if one does.
 
-    What is `told`: which steps are missing, and since when the robot is not heard; None where it forwards elsewhere.
+    What is `told`: which steps are missing, whether the robot has deleted it, and since when that is not heard; None
+    where it forwards elsewhere.
     """
     origin = origin_of(other.record.id)
     if origin is None:
         return other
     if told is None:
         place = Elsewhere(origin, None, here=False, lasting=False)
-        return other._replace(place=place, trouble=copied_text(origin))
-    gaps, silent = told
+        return other._replace(place=place, trouble=copied_text(origin), may_end=True)
+    gaps, deleted, silent = told
     troubles = [missing_text(missing)] if (missing := _decode(gaps)) else []
-    troubles += [silent_text(origin, silent)] if silent else []
-    place = Elsewhere(origin, None, here=False, lasting=silent is None)
-    return other._replace(place=place, trouble="; ".join(troubles) or None)
+    troubles += [deleted_text(origin)] if deleted else [silent_text(origin, silent)] if silent else []
+    may_end = deleted or silent is not None
+    place = Elsewhere(origin, None, here=False, lasting=not may_end)
+    return other._replace(place=place, trouble="; ".join(troubles) or None, may_end=may_end)
 
 
 def _end_writer(database: Database, name: str) -> None:

@@ -54,12 +54,18 @@ WHERE_IS = (
 """Nobody has a closed session, though a server that was killed may have left its row."""
 FORWARDED_OPEN = "SELECT 1 FROM sessions WHERE id = ? AND closed IS NULL"
 FORWARDED = """
-SELECT f.session, f.gaps, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
+SELECT f.session, f.gaps, f.ended IS NOT NULL, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
     THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END
 FROM forwarded f LEFT JOIN origins o ON o.origin = f.origin AND o.robot = f.robot
 WHERE f.session = ANY(?2::bigint[])
 """
-"""Of sessions that robots forward: what is missing, and since when a robot is silent that is for some seconds."""
+"""Of sessions that robots forward: what is missing, whether nothing more will come of them, and since when a robot is
+silent that is for some seconds."""
+LEFT = """
+SELECT s.id FROM forwarded f JOIN sessions s ON s.number = f.session
+WHERE f.ended IS NOT NULL AND s.closed IS NULL ORDER BY s.number
+"""
+"""Open sessions of which nothing more will come: the robot has deleted them."""
 NODES = (
     "SELECT node, owner, until <= clock_timestamp(), EXISTS (SELECT 1 FROM owners o WHERE o.node = nodes.node) "
     "FROM nodes WHERE node <> ?"

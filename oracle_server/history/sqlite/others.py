@@ -49,4 +49,5 @@ def other(place: Elsewhere | None, row: Row) -> OtherSession:
     origin = origin_of(record.id)
     if place is None or origin is not None:
         place = Elsewhere(origin or "", None, here=False, lasting=False)
-    return OtherSession(record, place, steps, properties, monitors, None if origin is None else copied_text(origin))
+    trouble = None if origin is None else copied_text(origin)
+    return OtherSession(record, place, steps, properties, monitors, trouble, may_end=origin is not None)
