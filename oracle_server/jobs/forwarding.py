@@ -42,6 +42,11 @@ class Noted(Protocol):
 
     path: str
 
+    @property
+    def failure(self) -> str | None:
+        """Why nothing can be kept now; None where it can."""
+        ...
+
     async def stands(self) -> Stands:
         """Which history this is, and how far the centre is known to be. Raises `HistoryError`."""
         ...
@@ -104,7 +109,12 @@ class Forwarding:
         self._threads.close()
 
     async def _turn(self) -> float:
-        """Have a chunk brought; returns for how many seconds to rest."""
+        """Have a chunk brought; returns for how many seconds to rest.
+
+        While nothing is kept here nothing is judged: the centre does not hear of it, and says so of what is open.
+        """
+        if (failure := self.noted.failure) is not None:
+            raise HistoryError(f"the history here can't be written: {failure}")
         stands = await self.noted.stands()
         ask = Ask(self.noted.path, self._url, self.progress.origin, stands.robot, stands.seq, self._rows)
         told = _told(await self._threads.start(partial(self._worker.ask, ask, _WITHIN)))

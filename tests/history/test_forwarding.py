@@ -254,6 +254,31 @@ async def test_a_centre_that_is_away_is_waited_for(
     assert "Traceback" not in log
 
 
+async def test_while_nothing_can_be_kept_here_the_centre_hears_nothing(
+    postgres: Postgres, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would take silence for a robot that is well and has nothing to tell."""
+    monkeypatch.setattr(forwarding, "_LONGEST", 0.1)
+    monkeypatch.setattr(forwarding, "_IDLE", 0.05)
+    async with robot(tmp_path) as history:
+        assert history.forwarding is not None
+        history.open_session(opened(1, "one"))
+        forwards = forwarding.Forwarding(history.forwarding, postgres.empty(), ORIGIN)
+        running = asyncio.create_task(forwards.run())
+        while not (await history.forwarding.stands()).seq:
+            await asyncio.sleep(0.01)
+        with closing(sqlite3.connect(tmp_path / NAME, isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            history.append(1, [step(1)], lambda: None)
+            await until(lambda: history.failure)
+            await until(lambda: forwards.progress.trouble)
+            assert forwards.progress.trouble == f"the history here can't be written: {history.failure}"
+        await until(lambda: forwards.progress.rows >= 2 and forwards.progress.trouble is None)
+        running.cancel()
+        await asyncio.wait([running])
+        forwards.close()
+
+
 async def test_what_a_centre_of_an_older_format_has_is_gone_on_with(postgres: Postgres, tmp_path: Path) -> None:
     url, bringing = postgres.empty(), Bringing()
     async with robot(tmp_path) as history:

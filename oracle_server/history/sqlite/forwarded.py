@@ -23,6 +23,11 @@ class SqliteForwarding:
         self.path = path
         self._writer, self._reader = writer, reader
 
+    @property
+    def failure(self) -> str | None:
+        """Why nothing can be kept now; None where it can."""
+        return self._writer.failure
+
     async def stands(self) -> Forwarding:
         """Which history this is, and how far the centre is known to be. Raises `HistoryError`."""
         return Forwarding(*await self._reader.row(changes.STANDS))
