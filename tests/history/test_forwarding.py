@@ -67,6 +67,36 @@ async def test_all_that_is_there_and_what_changes_later_comes_along(postgres: Po
         bringing.close()
 
 
+async def test_of_a_backlog_violations_come_with_their_steps(postgres: Postgres, tmp_path: Path) -> None:
+    """What has changed comes behind all steps: until then the centre would tell of a session without violations."""
+    url, bringing = postgres.empty(), Bringing()
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+
+    async def violations() -> tuple[int, list[int]]:
+        (other,) = await centre.open_elsewhere(f"s@{ORIGIN}")
+        return other.steps, [stands.violations for stands in other.properties]
+
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        for first, count in ((1, 1), (61, 2)):
+            n = 2 * (first + 4) + 1
+            episode = StoredEpisode(
+                "p", "publication", Episode(n, 5, n + 2, 7, open=False, final=False, count=count), "why"
+            )
+            history.append(1, [step(p) for p in range(first, first + 60)], lambda: None, (), [episode])
+        await history.flush()
+        told: list[tuple[int, list[int]]] = []
+        while not told or told[-1] != (120, [3, 0]):
+            await brought(history, url, bringing, 50, once=True)
+            told.append(await violations())
+        assert told[:3] == [(50, [1, 0]), (100, [3, 0]), (120, [3, 0])]
+        await brought(history, url, bringing)
+        bringing.close()
+        await asyncio.to_thread(centre.close)
+        assert at_the_centre(url) == at_the_robot(tmp_path)
+
+
 async def test_of_a_robot_that_is_not_heard_any_more_that_is_told(
     postgres: Postgres, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,6 +27,11 @@ _LAST = "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'changes'
 _CHANGES = "SELECT seq, name, session, a, b FROM changes WHERE seq > ? ORDER BY seq LIMIT ?"
 _OPENED = "SELECT opened FROM sessions WHERE number = ?"
 _JUDGED = "SELECT judged FROM steps WHERE session = ? AND position = ?"
+_EPISODES = BY_NAME["episodes"]
+_BEGUN_IN = f"""
+SELECT {",".join(f"e.{name}" for name in _EPISODES.columns)} FROM sessions s JOIN episodes e ON e.session = s.number
+WHERE s.number = ? AND (e.first - 1) / json_array_length(s.properties) + 1 BETWEEN ? AND ?
+"""  # noqa: S608 -- no value is in it
 
 
 class Page(NamedTuple):
@@ -55,7 +60,11 @@ class Known(NamedTuple):
 
 @dataclass
 class Chunk:
-    """What is brought together. `sessions` are the rows of those that the centre does not have."""
+    """What is brought together. `sessions` are the rows of those that the centre does not have.
+
+    Episodes come with the step at which they begin, too: until what has changed is there, behind the steps of a
+    backlog, a session that was violated would be told of as if it were not.
+    """
 
     seq: int
     sessions: dict[int, Row] = field(default_factory=dict)
@@ -109,6 +118,7 @@ class Robot:
                     if rows:
                         chunk.pages.append(Page(number, first, rows))
                         self._mention(chunk, number, cursors)
+                        self._read_episodes(chunk, number, rows, room)
                     self._count(chunk, number, max(after, first - 1) + len(rows), last)
             (changed,) = self._one("SELECT count(*) FROM changes WHERE seq > ?", (seq,))
             chunk.left += changed
@@ -134,6 +144,11 @@ class Robot:
                 room.take(rows)
         return found
 
+    def _read_episodes(self, chunk: Chunk, number: int, steps: list[Row], room: _Room) -> None:
+        rows = self._database.execute(_BEGUN_IN, (number, steps[0][1], steps[-1][1])).fetchall()
+        chunk.changes += [Change(_EPISODES.name, row[: _EPISODES.keys], row) for row in rows]
+        room.take(rows)
+
     def _count(self, chunk: Chunk, number: int, reached: int, last: int) -> None:
         chunk.left += last - reached
         found = self._database.execute(_JUDGED, (number, reached + 1)).fetchone() if last > reached else None
@@ -141,13 +156,14 @@ class Robot:
             chunk.oldest = found[0] if chunk.oldest is None else min(chunk.oldest, found[0])
 
     def _read_changes(self, chunk: Chunk, cursors: Mapping[int, int], there: set[int], room: _Room) -> None:
+        there_already = {(change.table, change.key) for change in chunk.changes}
         for seq, name, session, *key in self._database.execute(_CHANGES, (chunk.seq, room.rows)).fetchall():
             if room.is_full:
                 return
             chunk.seq, chunk.left = seq, chunk.left - 1
             if session in there and not (name == "steps" and self._is_brought(cursors, session, key[0], seq)):
                 change = self._change(name, session, key)
-                if change is not None:
+                if change is not None and (change.table, change.key) not in there_already:
                     self._mention(chunk, session, cursors)
                     chunk.changes.append(change)
                     room.take([change.row or ()])
