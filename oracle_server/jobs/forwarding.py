@@ -133,6 +133,12 @@ class Forwarding:
         progress = self.progress
         if progress.left is None or progress.trouble is not None:
             log.info("the history is forwarded", origin=progress.origin, rows_left=told.left)
+        if told.shared:
+            log.warning(
+                "another history was forwarded by this name within three minutes: two robots of one name can't be told "
+                "apart; give each a name of its own (ORACLE_ORIGIN), unless this one's history was just replaced",
+                origin=progress.origin,
+            )
         progress.rows += told.rows
         progress.left, progress.oldest, progress.trouble = told.left, told.oldest, None
         progress.lost += told.lost

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,14 @@ import msgspec
 import pytest
 
 from oracle_server.core.episode import Episode, Worst
+from oracle_server.core.errors import HistoryError
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.forwarding import centre as centre_module
 from oracle_server.history.forwarding.messages import Ask
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.records import stored_revision
+from oracle_server.history.sql.schema import VERSION
 from oracle_server.history.sqlite.history import NAME, SqliteHistory
 from oracle_server.jobs import forwarding
 from oracle_server.process.worker import receive, send
@@ -307,6 +310,38 @@ async def test_while_nothing_can_be_kept_here_the_centre_hears_nothing(
         running.cancel()
         await asyncio.wait([running])
         forwards.close()
+
+
+def _is_done(progress: forwarding.Progress) -> bool:
+    return progress.left == 0
+
+
+async def test_the_second_of_two_robots_of_one_name_is_warned(
+    postgres: Postgres, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url = postgres.empty()
+    for disk, warned in (("first", False), ("second", True), ("second", True), ("third", False)):
+        (tmp_path / disk).mkdir(exist_ok=True)
+        if disk == "third":
+            postgres.do("UPDATE origins SET heard = heard - interval '4 minutes'", url)
+        async with robot(tmp_path / disk) as history:
+            assert history.forwarding is not None
+            forwards = forwarding.Forwarding(history.forwarding, url, ORIGIN)
+            running = asyncio.create_task(forwards.run())
+            await until(partial(_is_done, forwards.progress))
+            running.cancel()
+            await asyncio.wait([running])
+            forwards.close()
+        assert ("another history was forwarded by this name" in capsys.readouterr().out) is warned, disk
+
+
+@pytest.mark.parametrize(("version", "said"), [(VERSION - 1, "start the centre's"), (VERSION + 1, "start the robot's")])
+def test_who_has_the_older_version_is_told(version: int, said: str, postgres: Postgres) -> None:
+    url = postgres.empty()
+    centre_module.Centre(url, ORIGIN, "one").close()
+    postgres.do(f"UPDATE format SET version = {version}", url)
+    with pytest.raises(HistoryError, match=f"the centre's history has format {version}, .* {said} server by the"):
+        centre_module.Centre(url, ORIGIN, "one")
 
 
 async def test_what_a_centre_of_an_older_format_has_is_gone_on_with(postgres: Postgres, tmp_path: Path) -> None:

@@ -45,6 +45,9 @@ SELECT f.number, f.session, f.opened, f.position, last.judged, f.gaps FROM forwa
 LEFT JOIN steps last ON last.session = f.session AND last.position = f.position
 WHERE f.origin = ? AND f.robot = ?
 """
+_NAMESAKES = (
+    "SELECT 1 FROM origins WHERE origin = ? AND robot <> ? AND heard > clock_timestamp() - interval '3 minutes' LIMIT 1"
+)
 _ANEW = "UPDATE forwarded SET position = 0 WHERE origin = ? AND robot = ?"
 _NUMBER = "SELECT nextval('session_numbers')"
 _TAKEN = "SELECT 1 FROM sessions WHERE id = ?"
@@ -110,7 +113,8 @@ class Wrote(NamedTuple):
 class Centre:
     """A connection. All of it raises `HistoryError`, or `ValueError` for a row that is refused; it is of no use then.
 
-    `places` are by the robot's numbers of its sessions.
+    `places` are by the robot's numbers of its sessions; `shared` tells whether another history came by this origin
+    lately.
     """
 
     def __init__(self, url: str, origin: str, robot: str) -> None:
@@ -123,6 +127,7 @@ class Centre:
             values = (origin, robot, self._writer)
             self.seq: int = self._database.execute(_CLAIM, values).fetchone()[0]
             rows = self._database.execute(_KNOWN, (origin, robot)).fetchall()
+            self.shared = self._database.execute(_NAMESAKES, (origin, robot)).fetchone() is not None
         except BaseException:
             self.close()
             raise
@@ -185,13 +190,18 @@ class Centre:
         self._database.close()
 
     def _demand_format(self) -> None:
-        if not self._database.execute(_MADE).fetchone()[0]:
-            if self._format() not in (None, VERSION):
-                raise FormatError(self._format() or 0)
-            prepare(self._database)
         version = self._format()
-        if version != VERSION:
+        if version in (None, VERSION) and not self._database.execute(_MADE).fetchone()[0]:
+            prepare(self._database)
+            version = self._format()
+        if version is None or version < 0:
             raise FormatError(version or 0)
+        if version != VERSION:
+            older, newer = ("centre", "robot") if version < VERSION else ("robot", "centre")
+            raise HistoryError(
+                f"the centre's history has format {version}, and this server's has {VERSION}: start the {older}'s "
+                f"server by the version that the {newer} has"
+            )
 
     def _format(self) -> int | None:
         if not self._database.execute("SELECT to_regclass('format') IS NOT NULL").fetchone()[0]:

@@ -29,7 +29,8 @@ class Told(msgspec.Struct):
     `anew`: nothing was brought, since the centre has less than was known of it (`less`), or another history than
     this one, as a copy or a backup has it (`other`): all is to be forwarded from the beginning.
     `lost` are the steps that were deleted before they could be brought, as the centre was told this time, `dropped`
-    those that it did not take, since it has deleted their session. `error` says why nothing was brought; it may be
+    those that it did not take, since it has deleted their session. `shared`: the connection is new, and another history
+    came by this origin lately. `error` says why nothing was brought; it may be
     tried again.
     """
 
@@ -40,5 +41,6 @@ class Told(msgspec.Struct):
     oldest: int | None = None
     lost: int = 0
     dropped: int = 0
+    shared: bool = False
     anew: Literal["less", "other"] | None = None
     error: str | None = None

@@ -68,7 +68,7 @@ class Bringing:
             centre.demand_held()
         sessions = centre.places if new else [page.session for page in chunk.pages]
         reached = {number: centre.places[number].position for number in sessions}
-        return Told(chunk.rows, chunk.seq, reached, chunk.left, chunk.oldest, *wrote)
+        return Told(chunk.rows, chunk.seq, reached, chunk.left, chunk.oldest, *wrote, shared=new and centre.shared)
 
 
 def main() -> None:
