@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import ExitStack
-from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -25,6 +24,7 @@ from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
 from oracle_server.replay.sources import Item, Source, Topic
 from oracle_server.replay.storage import LATEST, Channel, Missing, Storage
+from oracle_server.replay.together import together
 from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
@@ -92,7 +92,6 @@ class Bag:
                 found.append((path, Missing(str(error).removeprefix(f"{path}: "))))
         if all(isinstance(storage, Missing) for _, storage in found):
             raise failed[0]
-        found = found if files.promised is not None else _as_recorded(found)
         files.paths = [path for path, _ in found]
         return [storage for _, storage in found]
 
@@ -164,35 +163,30 @@ class Bag:
         sources: Sequence[dict[int, _AnySource]],
         look: Callable[[_AnySource, int, bytes], None],
     ) -> None:
-        for storage, wanted in zip(storages, sources, strict=True):
-            for number, time, raw in storage.messages(wanted) if wanted else ():
-                try:
-                    look(wanted[number], time, self._plain(raw))
-                except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
-                    continue
+        for source, time, raw in together(storages, sources, lambda: None):
+            try:
+                look(source, time, self._plain(raw))
+            except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
+                continue
 
     def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> Iterator[Recorded]:
         now = seq = 0
-        for storage, own in zip(storages, sources, strict=True):
-            wanted = {number: source for number, source in own.items() if source.topic.role is not None}
-            known = damages = len(storage.damages)
-            for number, time, raw in storage.messages(wanted) if wanted else ():
-                source = wanted[number]
-                self.read += 1
-                if len(storage.damages) > damages:
-                    damages, self.lost = len(storage.damages), self.lost + 1
-                try:
-                    items = self._items(source, raw)
-                except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
-                    source.topic.note_unreadable(_reason(error))
-                    self.lost += 1
-                    continue
-                for item in items:
-                    seq, now = seq + 1, max(now, time)
-                    yield Recorded(_event(item, seq, now, self.lost), passed=item.passed)
-                    self.lost = 0
-            if known or len(storage.damages) > damages:  # what was known before it was read is mostly of its end
-                self.lost += 1
+        wanted = [{n: s for n, s in own.items() if s.topic.role is not None} for own in sources]
+        for source, time, raw in together(storages, wanted, self._note_gap):
+            self.read += 1
+            try:
+                items = self._items(source, raw)
+            except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
+                source.topic.note_unreadable(_reason(error))
+                self._note_gap()
+                continue
+            for item in items:
+                seq, now = seq + 1, max(now, time)
+                yield Recorded(_event(item, seq, now, self.lost), passed=item.passed)
+                self.lost = 0
+
+    def _note_gap(self) -> None:
+        self.lost += 1
 
     def _items(self, source: _AnySource, raw: bytes) -> list[Item]:
         source.topic.seen += 1
@@ -217,15 +211,6 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
     return folder
 
 
-def _as_recorded(files: list[tuple[Path, Storage]]) -> list[tuple[Path, Storage]]:
-    """Files by the times of their first messages; one that does not tell its own stays behind the one before it."""
-    begun, found = 0, []
-    for file in files:
-        begun = file[1].oldest or begun
-        found.append((begun, file))
-    return [file for _, file in sorted(found, key=itemgetter(0))]
-
-
 def _oldest(storages: Sequence[Storage]) -> int:
     """When the first message of a bag was recorded, on whatever topic; 0 where that is not known."""
     return min((storage.oldest for storage in storages if 0 < storage.oldest <= LATEST), default=0)
@@ -233,8 +218,7 @@ def _oldest(storages: Sequence[Storage]) -> int:
 
 def _newest(storages: Sequence[Storage]) -> int:
     """When the last message of a bag was recorded, on whatever topic; 0 where that is not known."""
-    newest = next((newest for storage in reversed(storages) if (newest := storage.newest)), 0)
-    return newest if newest <= LATEST else 0
+    return max((newest for newest in (storage.newest for storage in storages) if newest <= LATEST), default=0)
 
 
 def _survey(source: _AnySource, time: int, raw: bytes) -> None:

@@ -232,3 +232,27 @@ def test_times_count_more_than_names(storage: StoragePlugin, tmp_path: Path) -> 
     bag = without_metadata(tmp_path, storage, {"a": [6, 7], "b": [], "c_1": [0, 1], "c_2": [2, 3, 5]})
     found = judge(write_spec(tmp_path, RISING), bag)
     assert (found.summary["events"], found.exit) == (7, 0)
+
+
+@pytest.mark.parametrize("described", [True, False])
+@pytest.mark.parametrize("storage", BOTH)
+def test_files_that_overlap_are_read_by_time(storage: StoragePlugin, described: bool, tmp_path: Path) -> None:
+    """As those of two recorders; what one of them lacks degrades nothing before it ends."""
+    bag = split(tmp_path, storage, {"s_1": [1, 3, 5], "s_2": [0, 2, 6], "s_3": [4, 8], "s_4": [7]})
+    if not described:
+        (bag / "metadata.yaml").unlink()
+    found = judge(write_spec(tmp_path, RISING), bag)
+    assert (found.summary["events"], found.exit) == (9, 0)
+    assert [row["arrived"] for row in found.rows] == [BASE + n * 10**9 for n in range(9)]
+
+
+def test_a_bag_goes_on_until_the_last_message_of_any_file(tmp_path: Path) -> None:
+    head, _, _ = RISING.partition("properties")
+    text = f"{head}properties: [{{id: alive, time: seconds, formula: 'once[:1500ms] {{topic: /x}}'}}]\n"
+    bag = split(tmp_path, StoragePlugin.MCAP, {"s_1": [0, 9], "s_2": [1, 2]})
+    other = write_numbers(tmp_path / "other", {"/y": [(0, 1.0), (9000, 1.0)]}, StoragePlugin.MCAP)
+    next(other.glob("*.mcap")).replace(bag / "s_1.mcap")
+    (bag / "metadata.yaml").unlink()
+    rows = judge(write_spec(tmp_path, text), bag).rows
+    assert [row["kind"] for row in rows] == ["topic", "topic", "tick"]
+    assert rows[-1]["violation"]
