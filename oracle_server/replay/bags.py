@@ -56,6 +56,8 @@ class Bag:
         self._plan, self._types = plan(spec), typestore(types)
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
+        self._sources: dict[Channel, _AnySource] = {}
+        """By channels without their numbers: a topic has one for each publisher, or in each file."""
         self._compressed = False
 
     def __iter__(self) -> Iterator[Recorded]:
@@ -132,11 +134,11 @@ class Bag:
         if not topic.takes(channel):
             topic.promised -= channel.promised or 0
             return None
+        alike = channel._replace(id=0, promised=None)
         try:
-            if topic.role is not None and topic.role.action:
-                action = self._actions.setdefault(topic.role.action, Action())
-                return ActionSource(channel, topic, self._plan, self._types, action)
-            return Source(channel, topic, self._plan, self._types)
+            if alike not in self._sources:
+                self._sources[alike] = self._new_source(channel, topic)
+            return self._sources[alike]
         except TraceError:
             if channel.promised == 0:
                 return None
@@ -144,6 +146,12 @@ class Bag:
         except Exception as error:  # noqa: BLE001 -- a damaged definition makes the library raise anything
             what = f"{channel.topic}: its messages can't be read as {channel.type}"
             raise TraceError(f"{what}: {_reason(error)}") from None
+
+    def _new_source(self, channel: Channel, topic: Topic) -> _AnySource:
+        if topic.role is not None and topic.role.action:
+            action = self._actions.setdefault(topic.role.action, Action())
+            return ActionSource(channel, topic, self._plan, self._types, action)
+        return Source(channel, topic, self._plan, self._types)
 
     def _survey(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> None:
         """Look at what must be known as a whole before the first event: whose side is recorded, and what passed."""

@@ -13,9 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
-from tests.replay.writing import PUMP, SPEC, VALVE, write_ros1, write_ros2
+from oracle_server.replay.definitions import types_of
+from oracle_server.replay.storage import Channel
+from tests.replay.judging import judge, write_spec
+from tests.replay.writing import BASE, PUMP, SPEC, VALVE, write_ros1, write_ros2
 from tests.whole.harness import COMMAND, environment, failed, run
 
 ROUNDS = 30
@@ -104,3 +110,33 @@ def _read(terminal: int) -> bytes:
         return os.read(terminal, 4096)
     except OSError:
         return b""  # the other end is closed
+
+
+def test_the_types_of_a_topic_with_many_publishers_are_made_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """ROS 1 gives each publisher a connection of its own, and a node that starts anew is another one."""
+    made = []
+
+    def counted(channel: Channel, *others: Any) -> Typestore:
+        made.append(channel.topic)
+        return types_of(channel, *others)
+
+    monkeypatch.setattr("oracle_server.replay.sources.types_of", counted)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    number = store.serialize_ros1(store.types["std_msgs/msg/Float64"](data=1.0), "std_msgs/msg/Float64")
+    with Writer1(tmp_path / "many.bag") as writer:
+        for i in range(20):
+            topic, caller = ("/x", "/y")[i % 2], f"/node{i}"
+            connection = writer.add_connection(topic, "std_msgs/msg/Float64", typestore=store, callerid=caller)
+            writer.write(connection, BASE + i, number)
+    found = judge(write_spec(tmp_path, BOTH), tmp_path / "many.bag")
+    assert (found.summary["events"], found.exit) == (20, 0)
+    assert made == ["/x", "/y"] * 2  # for each of two replays
+
+
+BOTH = """
+id: numbers
+streams: [{topic: /x, signals: {x: msg.data}}, {topic: /y, signals: {y: msg.data}}]
+properties: [{id: low, formula: '{x: *} -> {x < 2}'}]
+"""
