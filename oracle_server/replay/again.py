@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Container
 
 from oracle_server.core.engine import Answer
 from oracle_server.core.errors import TraceError
@@ -18,7 +18,7 @@ _NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no mes
 class Again:
     """Judges the rows of a session's trace again, in the sequence in which they were judged."""
 
-    def __init__(self, session: Session, passed_over: Set[int]) -> None:
+    def __init__(self, session: Session, passed_over: Container[int]) -> None:
         """Judge them for a session; rows of the positions that are `passed_over` are of streams that it has not."""
         self._session, self._passed_over = session, passed_over
         self._recurring = None if session.lateness is None else Recurring(session.lateness.judge)

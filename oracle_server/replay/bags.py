@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,7 +50,7 @@ class Bag:
         """
         self.path = path
         self.ignored: Counter[str] = Counter()
-        self.passed_over: Set[int] = frozenset()
+        self.passed_over: Container[int] = ()
         self.notes: list[Note] = []
         self.read = self.size = self.since = self.until = self.lost = 0
         self._plan, self._types = plan(spec), typestore(types)

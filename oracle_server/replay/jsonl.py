@@ -17,6 +17,7 @@ from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
 from oracle_server.core.units import counted
 from oracle_server.replay.attempts import Attempts
 from oracle_server.replay.line import MAX_LINE, Found, Line, read_line
+from oracle_server.replay.positions import Positions
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
 from oracle_server.wire.flat import find_stream
@@ -42,7 +43,7 @@ class Trace:
     size: int
     clocked: bool = True
     ignored: Counter[str] = field(default_factory=Counter)
-    passed_over: set[int] = field(default_factory=set)
+    passed_over: Positions = field(default_factory=Positions)
     notes: list[Note] = field(default_factory=list)
     read: int = 0
     since: int = 0
@@ -91,7 +92,7 @@ class Trace:
                     event = msgspec.structs.replace(event, ask=True) if taken.asks and not event.ask else event
                     yield Recorded(event, tuple(line.places), taken.passed, line.why, line.verdict, begun, place)
                 else:
-                    self.passed_over.update([judged.position for judged in line.places])
+                    self.passed_over.update(judged.position for judged in line.places)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
         self.notes += self._ending()

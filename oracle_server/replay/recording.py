@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
@@ -108,7 +108,7 @@ class Recording(Protocol):
     lost: int
 
     @property
-    def passed_over(self) -> Set[int]:
+    def passed_over(self) -> Container[int]:
         """The positions, as far as it is read, of events that a session has judged and the spec does not observe."""
         ...
 
