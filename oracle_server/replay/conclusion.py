@@ -125,6 +125,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
     yield from _incomparable(replay, coverage)
     yield from replay.lacking.doubts()
     yield from replay.units.doubts()
+    yield from replay.leaps.doubts()
     if replay.skipped:
         yield f"{counted(replay.skipped, 'late event')} {_was(replay.skipped)} skipped, and not judged"
     if replay.forced:

@@ -30,6 +30,7 @@ from oracle_server.replay.delays import Delays
 from oracle_server.replay.episodes import Episodes
 from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.lastdeadline import LastDeadline
+from oracle_server.replay.leaps import Leaps
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 from oracle_server.replay.settling import Handling, Settling
 from oracle_server.replay.units import Units
@@ -69,7 +70,7 @@ class Replay:
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
         self.comparison = Comparison(orders(self.spec)[0])
-        self.units, self.delays = Units(spec), Delays(spec)
+        self.units, self.delays, self.leaps = Units(spec), Delays(spec), Leaps()
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
@@ -140,6 +141,7 @@ class Replay:
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[list[Judged]]:
         arrived = first.event.arrived
         since = min(self.recording.since or arrived, arrived)
+        self.leaps.look(since)
         session = self._session = self._open(since if first.begun is None else first.begun)
         if session.asking is not None:
             self._oracles = OfflineOracles(session)
@@ -154,6 +156,7 @@ class Replay:
                 self._last_deadline.note(recorded)
             if event.stream.kind == TICK:
                 continue  # the new session has deadlines of its own
+            self.leaps.look(event.arrived)
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
                 yield self._answered(session.attach(event.monitor, self.spec.by_key, event.arrived))
@@ -165,6 +168,7 @@ class Replay:
     def _end(self, session: Session) -> Iterator[list[Judged]]:
         """End a session with its recording, which may go on for long after the last event that the spec observes."""
         until = max(session.now, self.recording.until, self._last_deadline.until)
+        self.leaps.look(self.recording.until)
         if self.recording.lost:
             session.note_loss()
         for judged in _meanwhile(session, until):

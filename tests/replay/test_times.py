@@ -280,3 +280,36 @@ def test_a_line_that_is_no_text_is_told_in_plain_words(tmp_path: Path) -> None:
     with pytest.raises(TraceError) as error:
         judge(spec(tmp_path), path)
     assert str(error.value) == f"{path}:2: not an event: it is not UTF-8 text"
+
+
+NUMBERS = """
+id: numbers
+streams: [{topic: /a, signals: {v: msg.data}}]
+properties: [{id: low, formula: '{v: *} -> {v < 5}'}]
+"""
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("topic", ["/a", "/of_nobody"])
+@pytest.mark.parametrize("odd", [5_000_000, 4_102_444_800 * S], ids=["1970", "2100"])
+def test_a_year_in_which_nothing_arrives_is_said(odd: int, topic: str, storage: StoragePlugin, tmp_path: Path) -> None:
+    """A deadline that runs out in it is a violation, though nobody waited so long."""
+    topics = {"/a": [(0, 1.0), (500, 1.0)]}
+    topics.setdefault(topic, []).append(((odd - BASE) // 10**6, 1.0))
+    bag = write_numbers(tmp_path / "bag", topics, storage)
+    found = judge(write_spec(tmp_path, NUMBERS), bag)
+    assert (found.exit, found.strict) == (0, 3)
+    (note,) = found.summary["notes"]
+    between = {
+        5_000_000: "for 54.9 years, from 0.005 s to 2024-11-21",
+        4_102_444_800 * S: "to 2100-01-01 00:00:00.000Z",
+    }[odd]
+    assert "nothing arrived for" in note
+    assert between in note
+    assert note.endswith(": a clock was set, or a time is wrong; deadlines between these times ran out")
+
+
+def test_a_bag_in_the_time_of_a_simulation_has_no_leap(tmp_path: Path) -> None:
+    bag = write_numbers(tmp_path / "bag", {"/a": [(-BASE // 10**6 + at, 1.0) for at in range(5)]}, StoragePlugin.MCAP)
+    found = judge(write_spec(tmp_path, NUMBERS), bag)
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
