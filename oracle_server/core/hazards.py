@@ -20,6 +20,7 @@ from oracle_server.core.gaps import gaps
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
 from oracle_server.core.lingering import lingers
+from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
@@ -70,6 +71,7 @@ def inspect(
         *doubtful_derived(spec, known),
         *unseen_silence(spec),
         *gaps(spec, known),
+        *namesakes(spec, known),
         *vacuous(spec, known),
     ]
 

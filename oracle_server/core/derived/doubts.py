@@ -14,6 +14,7 @@ from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Constraint, Formula, Position, Scalar, atoms
 from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.misfits import described, misfits, range_at
+from oracle_server.core.namesakes import named, namesake
 from oracle_server.core.places import Place, places
 from oracle_server.core.signals import is_signal
 from oracle_server.core.spec import Spec
@@ -24,11 +25,13 @@ from oracle_server.core.withholding import lasting, present, without_signals
 def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about the derived signals of a spec without errors, whose messages have these types."""
     where = places(spec, "steps", types) if spec.derive else []
+    names = named(spec)
     derived = frozenset(definition.name for definition in spec.derive)
     for definition in spec.derive:
         path = "derive", definition.name, definition.op
         for at, formula, start in placed(definition):
             doubts = [*_doubts(formula, where), *(_repeated(definition, formula, spec) if definition.table else ())]
+            doubts += [(message, atom.at) for atom in atoms(formula) for message in namesake(atom, names, where)]
             for message, place in doubts:
                 yield _warning(definition, at, message, start or place)
         for message in _unsampled(definition, where, derived):

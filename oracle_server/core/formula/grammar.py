@@ -58,7 +58,7 @@ key: NAME | STRING
     | NUMBER                                              -> number
     | TRUE                                                -> true
     | FALSE                                               -> false
-    | NAME                                                -> string
+    | NAME                                                -> name
     | ROSNAME                                             -> string
 
 related: "*" VARIABLE                                     -> ref

@@ -199,10 +199,10 @@ class _Builder(Transformer[Token, Formula]):
         return Constraint(key, "==", value=True)
 
     def equal(self, key: str, value: tree.Scalar | tree.Any | Ref) -> Constraint:
-        return Constraint(key, "==", value)
+        return _equality(key, "==", value)
 
     def unequal(self, key: str, value: tree.Scalar) -> Constraint:
-        return Constraint(key, "!=", value)
+        return _equality(key, "!=", value)
 
     def compare(self, key: str, op: Token, value: Token) -> Constraint:
         return Constraint(key, str(op), self.number(value))  # type: ignore[arg-type]
@@ -230,6 +230,9 @@ class _Builder(Transformer[Token, Formula]):
 
     def any_value(self) -> tree.Any:
         return tree.Any.ANY
+
+    def name(self, token: Token) -> Token:
+        return token
 
     def string(self, token: Token) -> str:
         return _unquoted(token)
@@ -279,6 +282,12 @@ def _quantify(kind: type[_Quantifier], word: Token, parts: tuple[object, ...]) -
     for name in reversed(names):
         body = kind(str(name), body, _place(word))  # type: ignore[arg-type]
     return body  # type: ignore[return-value]
+
+
+def _equality(key: str, op: tree.Op, value: tree.Scalar | tree.Any | Ref) -> Constraint:
+    if isinstance(value, Token):
+        return Constraint(key, op, str(value), bare=True)
+    return Constraint(key, op, value)
 
 
 def _placed(formula: Formula, word: Token) -> Formula:

@@ -47,11 +47,15 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
-    """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal."""
+    """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal.
+
+    `bare`: its value is a text that is written without quotes, which is no part of it.
+    """
 
     key: str
     op: Op
     value: Scalar | Any | Ref | Signal | Limit
+    bare: bool = False
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Constraint) and self._identity == other._identity

@@ -1,0 +1,71 @@
+"""What `check` says of a text without quotes that is the name of a signal: an equality compares with the text."""
+
+from __future__ import annotations
+
+import pytest
+
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.load import parse_spec
+
+SPEC = """\
+id: t
+streams:
+  - {{topic: /odom, signals: {{speed: msg.speed, mode: msg.mode}}}}
+  - {{topic: /limit, signals: {{limit: msg.data}}, hold: [limit]}}
+  - {{topic: /state, type: std_msgs/msg/String, signals: {{state: msg.data}}, hold: [state]}}
+  - {{topic: /on, type: std_msgs/msg/Bool, signals: {{charging: msg.data}}, hold: [charging]}}
+  - {{topic: /n, type: std_msgs/msg/Int32, signals: {{level: 'msg.data > 2 ? "high" : "limit"'}}}}
+derive:
+  before: {{previous: speed}}
+{derive}properties:
+  - {{id: p, formula: '{{topic: /odom}} -> {{speed > before}}'}}
+  - {{id: q, formula: '{formula}'}}
+"""
+
+
+def told(formula: str, derive: str = "") -> list[str]:
+    found = parse_spec(SPEC.format(formula=formula, derive=derive), "s.yaml", types=Types([], {})).warnings
+    return [str(each) for each in found if " asks for the text " in each.message]
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        ("{topic: /odom} -> {speed == limit}", "speed: limit"),
+        ("{topic: /odom} -> {speed = limit}", "speed: limit"),
+        ("not {topic: /odom, speed: before}", "speed: before"),
+        ("forall[m]. {mode: *m, speed != limit} -> once {state: *m}", "speed != limit"),
+        ("{mode: GO} -> eventually[:5] {mode: state}", "mode: state"),
+    ],
+)
+def test_an_equality_with_a_signals_name_is_told_of(formula: str, text: str) -> None:
+    (found,) = told(formula)
+    key, name = text.replace(" !=", ":").split(": ")
+    assert f"warning: formula of 'q': `{text}` asks for the text \"{name}\", and not for the value of the" in found
+    assert f"`same: {key} == {name}` under `derive`" in found
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        '{topic: /odom} -> {speed == "limit"}',  # in quotes it is meant
+        "{topic: /odom} -> {mode: high}",
+        "{topic: /odom, mode: mode} -> {speed > limit}",
+        "{topic: /state} -> {state: charging}",  # a text is never a Boolean
+        "{topic: /n} -> {level: limit}",  # the signal has this text
+        "forall[limit]. {speed: *limit} -> once {mode: *limit}",
+    ],
+)
+def test_nothing_is_said_of_what_can_only_be_a_text(formula: str) -> None:
+    assert told(formula) == []
+
+
+def test_a_derived_signals_formula_is_told_of_too() -> None:
+    (found,) = told("{topic: /odom} -> {same_speed: 1}", "  same_speed: {count: '{speed: before}', over: 2s}\n")
+    assert "s.yaml:10:" in found
+    assert "warning: derived signal 'same_speed': `speed: before` asks for the text \"before\"" in found
+
+
+def test_what_is_advised_compares_the_signals() -> None:
+    spec = SPEC.format(formula="{topic: /odom} -> {same}", derive="  same: speed == limit\n")
+    assert parse_spec(spec, "s.yaml", types=Types([], {})).warnings == ()
