@@ -16,6 +16,7 @@ from oracle_server.core.naming import first_name, moment
 from oracle_server.edge.tokens import Token
 from oracle_server.process.progress import progress
 from oracle_server.process.tables import print_table
+from oracle_server.sessions.summary import stream_troubles
 
 SESSIONS = ("session", "spec", "status", "monitors", "steps", "violations", "first at")
 _CLOSED_WITHIN = 30.0
@@ -146,12 +147,13 @@ def cell(value: object) -> str:
 
 
 def _show_caveats(state: dict[str, Any], where: str = "") -> None:
-    """Print a session's trouble, and why properties are degraded at present, once an order.
+    """Print a session's trouble, why properties are degraded at present, once an order, and what ails its streams.
 
     What an older version closed has no such keys.
     """
     told = [f"{where}{state['trouble']}"] if state.get("trouble") else []
     told += [f"{where}{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
+    told += [f"{where}{text}" for text in stream_troubles(state)]
     sys.stdout.writelines(f"{one_line(text)}\n" for text in dict.fromkeys(told))
 
 

@@ -4,7 +4,7 @@ import { HOUR, time } from "./day.js";
 import { byGravity as byOutcome } from "./words.js";
 
 const FAILING = ["false", "currently_false"];
-const GROUPS = ["Wrong now", "Not judged", "Wrong within the hour", "Fine", "Idle", "Recordings", "Closed"];
+const GROUPS = ["Wrong now", "Not judged", "Degraded", "Wrong within the hour", "Fine", "Idle", "Recordings", "Closed"];
 
 /** The kinds of sessions that can be asked for by themselves. */
 export const KINDS = {
@@ -39,10 +39,11 @@ function byGravity(one, other) {
   return Number(other.final) - Number(one.final) || (apart < 0n ? -1 : Number(apart > 0n));
 }
 
-function groupOf({ status, kind, live, idle, outcome, trouble }, open, latest) {
+function groupOf({ status, kind, live, idle, outcome, trouble, caveats }, open, latest) {
   if (status === "closed") return kind === "recording" ? "Recordings" : "Closed";
   if (open.length || FAILING.includes(outcome)) return "Wrong now";
   if (status === "unrestored" || trouble || (live && !["true", "currently_true"].includes(outcome))) return "Not judged";
+  if (live && caveats.length) return "Degraded";
   if (latest) return "Wrong within the hour";
   return idle || !live ? "Idle" : "Fine";
 }

@@ -20,14 +20,15 @@ export function nowView(id, visit) {
     const last = found.filter((each) => !each.open).sort(byEnd)[0] ?? null;
     const shown = [...open.slice(0, OPEN), last].filter(Boolean);
     await Promise.all(shown.map(learn));
-    const { properties, clock, status, live } = state;
+    const { properties, clock, status, live, monitors } = state;
     const known = shown.map((each) => records.get(key(each)) ?? null);
-    const standing = properties.map(({ id: name, outcome, broken }) => [name, outcome, broken]);
+    const standing = properties.map(({ id: name, outcome, broken, caveats }) => [name, outcome, broken, caveats?.length > 0]);
+    const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some(({ trouble }) => trouble));
     const gone = properties.some(({ violations }) => violations > 0);
-    place.show([open.slice(0, OPEN), last, open.length, known, standing, clock, status, live, gone, String(now)], () => [
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, clock, status, live, gone, String(now)], () => [
       ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, last ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
+      open.length ? null : calm(standing, troubled, last ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
       last ? card(last, clock, now) : null,
     ]);
   }
@@ -75,17 +76,21 @@ function firstOf(record) {
   return [`first: ${event(record)}`, record.decision === "deny" ? "denied" : null, record.decision ? went : null];
 }
 
-/** What is said where no episode is open, and `rest` of those before: that all holds only where all is known to hold. */
-function calm(standing, rest) {
+/** What is said where no episode is open, and `rest` of those before: that all is well only where all is known to hold. */
+function calm(standing, troubled, rest) {
   if (!standing.length) return h("p", { class: "card calm unsure", "data-state": "not judged" }, h("strong", {}, "How its properties stand is not known"));
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
+  const degraded = standing.filter(([, , , is]) => is).map(([name]) => name);
   const holding = standing.length - failing.length - unknown.length;
-  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : ["hold", "good"];
+  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled ? ["degraded", "unsure"] : ["hold", "good"];
+  const few = (names) => `${names.slice(0, 3).join(", ")}${names.length > 3 ? " …" : ""}`;
   const words = [
-    failing.length ? `${failing.length} of ${standing.length} fail: ${failing.slice(0, 3).join(", ")}` : null,
-    unknown.length ? `${unknown.length} of ${standing.length} not judged: ${unknown.slice(0, 3).join(", ")}${unknown.length > 3 ? " …" : ""}` : null,
+    failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
+    unknown.length ? `${unknown.length} of ${standing.length} not judged: ${few(unknown)}` : null,
     !failing.length && !unknown.length ? (holding === 1 ? "Its property holds" : `All ${holding} properties hold`) : null,
+    degraded.length ? `${degraded.length} of ${standing.length} degraded: ${few(degraded)}` : null,
+    troubled ? "not all streams are heard as they should be" : null,
   ];
   return h("p", { class: `card calm ${mood}`, "data-state": state },
     h("strong", {}, words.filter(Boolean).join("; ")), rest ? h("span", { class: "hint" }, rest) : null);

@@ -14,6 +14,7 @@ import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
 import { badge, byGravity, count, counted, life, moment, place, span, stream } from "./words.js";
 
+const TROUBLES = 3; // streams of which it is said at the head what is wrong with them
 const SETTLED = 400; // ms after the last move until the address says what is in view
 const PARTS = { Now: ".now", Time: ".time", Why: ".verdict", Sequence: ".sequence", More: ".details" };
 
@@ -163,7 +164,9 @@ async function specOf(state) {
 function headline({ id, spec, kind, origin, run, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next, monitors, recording }, found, first) {
   const open = found.filter((each) => each.open).length;
   const there = monitors.filter((each) => each.connected).length;
-  return { id, spec, kind, origin, run, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next, open, first, there, monitors: monitors.length, recording };
+  const told = monitors.filter(({ attached }) => attached && status === "open").flatMap(({ streams }) => streams ?? []);
+  const troubles = told.filter((each) => each.trouble).map((each) => `${each.stream}: ${each.trouble}`);
+  return { id, spec, kind, origin, run, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next, open, first, there, monitors: monitors.length, troubles, recording };
 }
 
 function headed(state, visit) {
@@ -182,6 +185,8 @@ function headed(state, visit) {
       counted_.map(([name, value]) => h("span", {}, h("b", {}, String(value)), ` ${name}`)),
       h("a", { href: compared(state.id) }, "Compare…")),
     state.trouble ? h("p", { class: "complaint" }, state.trouble) : null,
+    state.troubles.slice(0, TROUBLES).map((text) => h("p", { class: "complaint" }, text)),
+    state.troubles.length > TROUBLES ? h("p", { class: "complaint" }, `and ${state.troubles.length - TROUBLES} more streams, below`) : null,
     recordedNotes(state),
     state.waiting ? h("p", { class: "waiting" }, state.waiting) : null,
     state.disagree?.length ? h("p", { class: "complaint" }, `The orders disagree on ${state.disagree.join(", ")}.`) : null,

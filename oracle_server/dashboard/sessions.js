@@ -118,16 +118,18 @@ function duration({ open: [worst], live, clock, latest }) {
   return now ? span(lasted(worst, now)) : `since ${moment(worst.began, clock)}`;
 }
 
-/** What is wrong in a session: its gravest open episode, and how many more there are; else what keeps it from being judged, or was wrong last. */
-function wrong({ id, open: [worst, ...more], trouble, latest }) {
-  if (!worst && trouble) return h("span", { class: "complaint" }, trouble);
+/** What is wrong in a session: its gravest open episode, and how many more there are; else what keeps it from being judged, or from being judged right, or was wrong last. */
+function wrong({ id, open: [worst, ...more], trouble, caveats, latest }) {
+  const doubts = [trouble, ...caveats].filter(Boolean);
+  const doubt = doubts.length ? h("span", { class: "complaint", title: doubts.join("\n") }, doubts[0]) : null;
+  if (!worst && doubt) return doubt;
   if (!worst && latest) return [h("a", { tabindex: -1, class: "was", href: at(id, latest.first) }, `${latest.property} for ${span(lasted(latest, null))}`), h("span", { class: "hint" }, worstOf(latest) || reasonOf(latest))];
   if (!worst) return "";
   return [
     h("a", { tabindex: -1, class: "bad", href: at(id, worst.first) }, worst.property, worst.final ? ", for good" : ""),
     more.length ? h("span", { class: "chip bad" }, `+${more.length}`) : null,
     h("span", { class: "hint", title: worst.explanation }, worstOf(worst) || reasonOf(worst)),
-    trouble ? h("span", { class: "complaint" }, trouble) : null,
+    doubt,
   ];
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from oracle_server.core.verdicts import Outcome, worst
@@ -14,6 +15,10 @@ _BRIEF = (
     "id", "spec", "kind", "origin", "run", "status", "live", "idle", "without_monitor_since", "clock", "opened",
     "closed", "closed_because", "continued_by", "trouble",
 )  # fmt: skip
+
+
+_FEW = 3
+"""Caveats that a list shows of a session."""
 
 
 def summary(state: Document) -> Document:
@@ -49,4 +54,21 @@ def brief(state: Document) -> Document:
         "steps": state["counters"]["steps"],
         "monitors": len(monitors),
         "connected": sum(bool(row["connected"]) for row in monitors),
+        "caveats": [*dict.fromkeys(_caveats(state))][:_FEW],
     }
+
+
+def stream_troubles(state: Document) -> Iterator[str]:
+    """What monitors report of the streams of an open session; a bypass is told by the properties that it concerns."""
+    for monitor in state["monitors"] if state["status"] == "open" else ():
+        for told in monitor["streams"] if monitor["attached"] else ():
+            if told["trouble"] and not told.get("bypass"):
+                yield f"{told['stream']}: {told['trouble']}"
+
+
+def _caveats(state: Document) -> Iterator[str]:
+    """Why what is told of a session's properties may be wrong at present, though nothing is violated."""
+    if state["status"] == "open":
+        for row in state["properties"]:
+            yield from row["caveats"]
+    yield from stream_troubles(state)

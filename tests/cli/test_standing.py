@@ -30,6 +30,7 @@ REVISION = SAID | STANDS | {
 }  # fmt: skip
 del REVISION["revised"]
 STATE: dict[str, Any] = {
+    "status": "open", "monitors": [],
     "properties": [
         {
             "id": "p", "order": "publication", "outcome": "currently_true", "first_violation": None, "violations": 0,
@@ -96,3 +97,20 @@ def test_revisions_are_lines_among_those_that_are_followed(outcome: str | None) 
         "3 4.000 s p currently_false /a topic - unheard: /b, /c 3",
         f"- 4.000 s p {outcome or '-'} revision - of #3 9",
     ]
+
+
+def test_what_is_wrong_with_streams_is_told_where_it_may_hide_violations(monkeypatch: pytest.MonkeyPatch) -> None:
+    past = "/rogue publishes /a past the monitor"
+    told = [
+        {"stream": "/a", "kind": "topic", "trouble": past, "bypass": past},  # told by the properties, if it matters
+        {"stream": "/b", "kind": "topic", "trouble": "is of another type", "bypass": ""},
+        {"stream": "/c", "kind": "topic", "trouble": "", "bypass": ""},
+    ]
+    monitors = [
+        {"name": "m", "attached": True, "connected": True, "streams": told},
+        {"name": "gone", "attached": False, "connected": False, "streams": told},
+    ]
+    monkeypatch.setitem(STATE, "monitors", monitors)
+    assert lines(show_verdicts, "standing", outcomes=[])[-1] == "/b: is of another type"
+    monkeypatch.setitem(STATE, "status", "closed")
+    assert not any("another type" in line for line in lines(show_verdicts, "standing", outcomes=[]))

@@ -12,6 +12,7 @@ from oracle_server.api.summaries import summaries
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.sessions.status import session_state
 from oracle_server.sessions.summary import brief, changed, summary
+from oracle_server.wire.incoming import ReportMessage
 from oracle_server.wire.json import encode
 from tests.processes import PATIENCE
 from tests.sessions.making import GUARD, Kept, attach, event, registry
@@ -62,7 +63,11 @@ async def test_a_list_has_the_worst_of_each_session_in_brief(tmp_path: Path) -> 
     for seq, speed in enumerate((1, 9, 1), start=1):
         live.ingest(monitor, event(seq, speed=speed))
     await sessions.create("guard", "t")
+    (stream,) = monitor.streams
+    told = {"stream": stream.name, "kind": stream.kind, "trouble": "is of another type"}
+    live.report(monitor, ReportMessage.model_validate({"type": "report", "streams": [told]}))
     first, second = (brief(state) for state in reversed(await sessions.states()))
+    assert (first["caveats"], second["caveats"]) == ([f"{stream.name}: is of another type"], [])
     assert (first["id"], first["live"], first["steps"], first["violations"]) == ("s", True, 3, 1)
     assert (first["outcome"], first["connected"], first["monitors"]) == ("currently_true", 1, 1)
     assert (second["id"], second["outcome"], second["connected"], second["monitors"]) == ("t", "unknown", 0, 0)
