@@ -1,5 +1,7 @@
 // A client of the server's HTTP API.
 
+import { heard } from "./clock.js";
+
 const TOKEN = "oracle-token";
 const TIMEOUT = 10_000; // ms
 const REFRESHES = 10;
@@ -54,6 +56,7 @@ export async function ask(method, path, query = {}, { within = TIMEOUT, signal, 
   let response, text;
   try {
     response = await fetch(url, { method, body, headers, signal: ends, cache: "no-store" });
+    heard(response.headers.get("Date"));
     text = await response.text();
   } catch {
     throw new Problem(0, "The server can't be reached; trying again.");

@@ -2,6 +2,7 @@
 
 import { at } from "./address.js";
 import { get } from "./api.js";
+import { now } from "./clock.js";
 import { h, Place, rove, table, TO_AND_FRO, UP_AND_DOWN, wide } from "./dom.js";
 import { lasted, reasonOf, worstOf } from "./episodes.js";
 import { counted, moment, span } from "./words.js";
@@ -28,11 +29,11 @@ export function dayView(changed) {
 
   /** Ask for them where it is time to, or where others are `open` than before; returns them, and from when (ms) on they are all of them. */
   async function refresh(open) {
-    const now = open.map(({ session, property, first }) => [session, property, first]).join();
+    const news = open.map(({ session, property, first }) => [session, property, first]).join();
     const passed = performance.now() - asked;
-    if (passed < OFTEN || (passed < SELDOM && now === known)) return { episodes, from };
-    [episodes, from] = await newest(BigInt(Date.now() - DAY) * 1_000_000n);
-    [asked, known] = [performance.now(), now];
+    if (passed < OFTEN || (passed < SELDOM && news === known)) return { episodes, from };
+    [episodes, from] = await newest(BigInt(now() - DAY) * 1_000_000n);
+    [asked, known] = [performance.now(), news];
     return { episodes, from };
   }
 
@@ -40,7 +41,7 @@ export function dayView(changed) {
   function show(wanted) {
     const count = matchMedia("(max-width: 40rem)").matches ? FEW : BARS;
     const width = DAY / count;
-    const last = Math.floor(Date.now() / width);
+    const last = Math.floor(now() / width);
     const bins = Array.from({ length: count }, (_, i) => ({ at: (last - count + 1 + i) * width, found: [] }));
     for (const each of wanted) bins[Math.floor(time(each.began) / width) - bins[0].at / width]?.found.push(each);
     const shown = bins.find(({ at: from, found }) => from === chosen && found.length);
@@ -84,7 +85,7 @@ async function newest(since) {
     const { items, next } = await get("episodes", { since, order: "desc", limit: MOST, ...(after === null ? {} : { after }) });
     found.push(...items);
     if ((after = next) === null) return [found, 0];
-    if (time(items.at(-1).began) < Date.now() - HOUR) break;
+    if (time(items.at(-1).began) < now() - HOUR) break;
   }
   return [found, time(found.at(-1).began)];
 }

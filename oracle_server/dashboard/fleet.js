@@ -1,5 +1,6 @@
 // Which sessions need somebody: what is wrong in each now, in which group it is, and which ones a search means.
 
+import { now } from "./clock.js";
 import { HOUR, time } from "./day.js";
 import { byGravity as byOutcome } from "./words.js";
 
@@ -18,12 +19,12 @@ export const KINDS = {
  * behind the day's begin (`cut: "day"`), or even the last hour's.
  */
 export function grouped(sessions, episodes, day, from = 0) {
-  const cut = from ? (from > Date.now() - HOUR ? "hour" : "day") : null;
+  const cut = from ? (from > now() - HOUR ? "hour" : "day") : null;
   const [open, of] = [episodes, day].map((all) => Map.groupBy(all, ({ session }) => session));
   const all = sessions.map((each) => {
     const found = each.status === "closed" ? [] : (open.get(each.id) ?? []).sort(byGravity);
     const own = each.clock === "wall" ? of.get(each.id) ?? [] : []; // simulated times are none of the day
-    const [latest = null] = own.filter(({ until }) => until !== null && Date.now() - time(until) < HOUR).sort((one, other) => time(other.until) - time(one.until));
+    const [latest = null] = own.filter(({ until }) => until !== null && now() - time(until) < HOUR).sort((one, other) => time(other.until) - time(one.until));
     return { ...each, open: found, day: own, latest, cut, group: groupOf(each, found, latest) };
   });
   const rank = ({ group }) => GROUPS.indexOf(group);

@@ -2,6 +2,7 @@
 
 import { at, ofRobot, rename } from "./address.js";
 import { getKept, items } from "./api.js";
+import { now } from "./clock.js";
 import { h, Place, rove, TO_AND_FRO, UP_AND_DOWN } from "./dom.js";
 import { dropView } from "./drop.js";
 import { lasted, reasonOf, worstOf } from "./episodes.js";
@@ -85,7 +86,7 @@ export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}
     const focused = body.contains(document.activeElement) ? document.activeElement.getAttribute("href") : null;
     const wanted = [];
     let title = null;
-    const minute = Math.floor(Date.now() / 60_000); // in which the last hour moves by a pixel or two
+    const minute = Math.floor(now() / 60_000); // in which the last hour moves by a pixel or two
     for (const each of sessions) {
       if (each.group !== title) wanted.push(kept(`group ${(title = each.group)}`, each.group, () => heading(each.group)));
       const long = duration(each);
@@ -113,9 +114,9 @@ function heading(group) {
 
 /** For how long a session has been failing; where its time is not this browser's, since when; else how long ago it last did. */
 function duration({ open: [worst], live, clock, latest }) {
-  if (!worst) return latest ? `${span((Date.now() - time(latest.until)) * 1e6)} ago` : "";
-  const now = live && clock === "wall" ? BigInt(Date.now()) * 1_000_000n : null;
-  return now ? span(lasted(worst, now)) : `since ${moment(worst.began, clock)}`;
+  if (!worst) return latest ? `${span((now() - time(latest.until)) * 1e6)} ago` : "";
+  const until = live && clock === "wall" ? BigInt(now()) * 1_000_000n : null;
+  return until ? span(lasted(worst, until)) : `since ${moment(worst.began, clock)}`;
 }
 
 /** What is wrong in a session: its gravest open episode, and how many more there are; else what keeps it from being judged, or from being judged right, or was wrong last. */
@@ -146,10 +147,10 @@ function brief(text) {
 /** The last hour of a session: when it was open, and its episodes. */
 function hour({ clock, opened, closed, without_monitor_since: alone, day, open, cut }) {
   if (clock === "sim") return "";
-  const now = Date.now();
-  const share = (ms) => Math.min(1, Math.max(0, 1 - (now - ms) / HOUR));
-  const runs = [...day, ...open].map(({ began, until }) => [share(time(began)), share(until === null ? now : time(until)), "fails"]).filter(([, to]) => to > 0);
-  const there = [share(time(opened)), share(closed || alone ? time(closed ?? alone) : now), "no"];
+  const last = now();
+  const share = (ms) => Math.min(1, Math.max(0, 1 - (last - ms) / HOUR));
+  const runs = [...day, ...open].map(({ began, until }) => [share(time(began)), share(until === null ? last : time(until)), "fails"]).filter(([, to]) => to > 0);
+  const there = [share(time(opened)), share(closed || alone ? time(closed ?? alone) : last), "no"];
   const text = runs.length ? `${counted(day.length, "episode")}${cut ? " or more" : ""} in 24 h` : cut === "hour" ? "it is not known whether there were episodes in the last hour" : "no episode in the last hour";
   return h("div", { title: text }, strip(there[1] > 0 ? [there, ...runs] : runs, null, WIDE));
 }

@@ -1,5 +1,6 @@
 // The wording of outcomes, times, events and streams.
 
+import { now } from "./clock.js";
 import { h } from "./dom.js";
 
 const MARKS = { true: "✔", currently_true: "✓", currently_false: "✗", false: "✘", unknown: "?" };
@@ -34,7 +35,7 @@ export function place(number, stamp, clock) {
 }
 
 function day(date) {
-  return date.toDateString() === new Date().toDateString() ? "" : `${date.toLocaleDateString("sv")} `;
+  return date.toDateString() === new Date(now()).toDateString() ? "" : `${date.toLocaleDateString("sv")} `;
 }
 
 /** The text of a duration (ns). */

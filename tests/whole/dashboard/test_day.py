@@ -49,3 +49,25 @@ async def test_what_was_wrong_within_the_hour_is_told_and_when(start: Starts, pa
     await listed.get_by_role("link").click()
     await expect(page.locator(".verdict").get_by_role("heading")).to_contain_text("currently_false at step 2, ")
     await expect(page.locator(".before")).to_contain_text("none in this session, 1 in others")
+
+
+@pytest.mark.parametrize("hours", [-30, 3])
+async def test_a_browser_whose_clock_is_wrong_shows_the_same(start: Starts, page: Page, now: int, hours: int) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    async with (
+        attached(server, session="lately", spec="single") as lately,
+        attached(server, session="failing", spec="single") as failing,
+    ):
+        for i, ago in enumerate((400, 300, 100), 1):
+            for monitor, wrong in ((lately, i == 2), (failing, i > 1)):
+                await monitor.send({**make_event(i, data={"v": 11 if wrong else 1}), "stamp": now - ago * 10**9})
+        for monitor in (lately, failing):
+            await monitor.acked(3)
+        await page.add_init_script(f"const now = Date.now; Date.now = () => now() + {hours * 3_600_000}")
+        await page.goto(f"{server.url}/")
+        kinds = page.get_by_role("toolbar", name="Kinds")
+        await expect(kinds).to_contain_text("Wrong now 1Not judged 0Degraded 0Wrong within the hour 1Fine 0")
+        await expect(page.get_by_role("row", name="lately")).to_contain_text(re.compile(r"\d (s|min) ago"))
+        await expect(page.get_by_role("row", name="failing").locator("td").nth(2)).to_have_text(re.compile(r"^\d min$"))
+        await expect(page.locator(".day")).to_contain_text("2 episodes in 24 h")
+        await expect(page.locator(".day .bars button")).not_to_have_count(0)
