@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import time
+from pathlib import Path
 
 from playwright.async_api import Page, expect
 
 from tests.whole.client import BASE, attached, make_clock, make_event, make_events
 from tests.whole.conftest import Starts
 from tests.whole.harness import Server
+from tests.whole.test_recordings import judged, log
 
 BOTH = """
 id: both_orders
@@ -146,3 +148,32 @@ async def test_a_noisy_robot_hides_no_other(start: Starts, page: Page) -> None:
     quiet = page.get_by_role("row", name="quiet")
     await expect(quiet).to_contain_text("a_is_small")
     await expect(quiet).to_contain_text("30 min ago")
+
+
+async def test_violations_that_are_over_are_told_of_recordings_and_simulations(
+    server: Server, session: str, page: Page, tmp_path: Path
+) -> None:
+    await judged(server, log(tmp_path / "log.jsonl", 20), "single", session=session)
+    async with attached(server, session=f"{session}-sim", spec="single", clock="sim") as monitor:
+        await monitor.send(make_clock("/a", at=0))
+        await monitor.send(*(make_event(i, at=i, data={"v": 99 if i == 2 else 1}) for i in range(1, 4)))
+        await monitor.acked(3)
+        await page.goto(f"{server.url}/#/?q={session}")
+        wrong = page.locator(".sessions td:nth-child(2)")
+        await expect(wrong).to_have_text(["1 violation before", "2 violations before"])
+
+
+async def test_what_is_judged_in_part_alone_is_not_said_to_hold(
+    server: Server, session: str, page: Page, tmp_path: Path
+) -> None:
+    path = log(tmp_path / "log.jsonl", 20)
+    path.write_text(path.read_text(encoding="utf-8") + "{\n", encoding="utf-8")
+    await judged(server, path, "single", session=session, state="failed")
+    await page.goto(f"{server.url}/#/?q={session}")
+    await expect(page.locator(".sessions td:nth-child(2)")).to_contain_text(
+        re.compile("incomplete.*2 violations before")
+    )
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    card = page.locator(".now .card").first
+    await expect(card).to_contain_text("Its property holds as far as is known")
+    await expect(card).to_have_attribute("data-state", "not known")
