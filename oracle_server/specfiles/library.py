@@ -91,7 +91,7 @@ class Unsound:
 
 
 class Library:
-    """Specs by id. A file that has changed, or was unsound, is read again when its spec is next requested."""
+    """Specs by id. A file that is new, has changed, or was unsound, is read when its spec is next requested."""
 
     def __init__(self, folder: Path | None, uploads: Path, types: Types | None = None) -> None:
         """Read all specs of both folders; those that are refused are kept as unsound, with the reasons.
@@ -100,7 +100,7 @@ class Library:
         Without `types` the types of messages are not checked. In place of a folder there may be one file.
         """
         self._types = types
-        self._uploads = uploads
+        self._folder, self._uploads = folder, uploads
         self._reading, self._uploading = ThreadPoolExecutor(1, "spec reading"), ThreadPoolExecutor(1, "spec upload")
         self._changing = threading.Lock()
         """Held while the specs on hand change, and not while any is read."""
@@ -109,8 +109,9 @@ class Library:
         self._entries: dict[str, Entry | Unsound] = {}
         self._doubles: dict[Path, Unsound] = {}
         """Unsound files whose id is another one's, by path."""
-        for path in _files(folder) if folder else ():
-            self._take(_found(path, "file", types))
+        self._seen: set[Path] = set()
+        """Files of the folder that have been read: each is on hand, unsound, or behind an upload of its id."""
+        self._read_new()
         for path in sorted(uploads.glob("*.yaml")):
             found = _found(path, "put", types)
             if isinstance(found, Unsound):
@@ -120,7 +121,7 @@ class Library:
     async def find(self, spec_id: str) -> Entry:
         """The present version of a spec, as `get` has it; a file that has changed is read in a thread."""
         entry = self._entries.get(spec_id)
-        if isinstance(entry, Entry) and _version(entry.path) in (None, entry.version):
+        if isinstance(entry, Entry) and _version(entry.path) == entry.version is not None:
             return entry
         return await self.in_thread(partial(self.get, spec_id))
 
@@ -146,9 +147,10 @@ class Library:
 
     def get(self, spec_id: str) -> Entry:
         """The present version of a spec. Raises `UnknownSpecError`, or `SpecError` where its file is unsound now."""
-        if not isinstance(self._entries.get(spec_id), Entry):
-            self._look_again()
         entry = self._entries.get(spec_id)
+        if not isinstance(entry, Entry) or _version(entry.path) is None:
+            self._look_again()
+            entry = self._entries.get(spec_id)
         if entry is None:
             raise UnknownSpecError(spec_id, sorted(self._entries.copy()))
         if isinstance(entry, Unsound):
@@ -186,10 +188,28 @@ class Library:
             self._refused[entry.path] = version, error
             raise
 
+    def _read_new(self) -> None:
+        """Read the files of the folder that were not there before."""
+        for path in _files(self._folder) if self._folder else ():
+            with self._changing:
+                if path in self._seen:
+                    continue
+                self._seen.add(path)
+            found = _found(path, "file", self._types)
+            with self._changing:
+                self._take(found)
+
     def _take(self, found: Entry | Unsound) -> None:
-        """Take in a file of the specs folder, as unsound where its id is another file's already."""
+        """Take in a file of the specs folder, as unsound where its id is another file's already.
+
+        One in the place of a file that is gone, as where that was renamed, is taken for it; an upload goes before.
+        """
         first = self._entries.setdefault(found.id, found)
-        if first is found:
+        if first is found or first.source == "put":
+            return
+        if _version(first.path) is None:
+            self._seen.discard(first.path)
+            self._entries[found.id] = found
             return
         if isinstance(found, Entry):
             message = f"the id '{found.id}' is that of {first.path} already; give one of them another id"
@@ -198,7 +218,8 @@ class Library:
         self._doubles[found.path] = found
 
     def _look_again(self) -> None:
-        """Read unsound files again that have changed, or whose id is free now."""
+        """Read new files, and unsound ones again that have changed, or whose id is free now."""
+        self._read_new()
         with self._changing:
             unsound = [e for e in (*self._entries.values(), *self._doubles.values()) if isinstance(e, Unsound)]
         for old in unsound:
@@ -215,6 +236,8 @@ class Library:
                     continue
                 if found is not None:
                     self._take(found)
+                else:
+                    self._seen.discard(old.path)
 
     def _looked_at(self, old: Unsound, version: FileVersion) -> Entry | Unsound:
         """What an unsound file is now."""
@@ -341,4 +364,4 @@ def _version(path: Path) -> FileVersion | None:
 
 def _files(place: Path) -> list[Path]:
     """The specs' files in a folder; the file itself where it is one."""
-    return [place] if place.is_file() else sorted(place.glob("*.yaml"))
+    return [place] if place.is_file() else sorted([*place.glob("*.yaml"), *place.glob("*.yml")])

@@ -150,3 +150,58 @@ def test_an_unsound_upload_goes_before_a_file_and_can_be_put_anew(path: Path, tm
     assert new
     assert specs.get("x").file.text == SPEC % 2
     assert reasons(specs) == {}
+
+
+# Files that come later
+
+
+def test_a_new_file_is_on_hand_when_its_spec_is_wanted_or_listed(path: Path) -> None:
+    specs = Library(path.parent, path.parent / "uploads")
+    (path.parent / "y.yaml").write_text((SPEC % 1).replace("id: x", "id: y"))
+    assert specs.get("y").path.name == "y.yaml"
+    (path.parent / "z.yml").write_text((SPEC % 1).replace("id: x", "id: z"))
+    (path.parent / "bad.yaml").write_text(UNSOUND.replace("id: x", "id: bad"))
+    assert [e.id for e in specs.listed()] == ["bad", "x", "y", "z"]
+    assert [*reasons(specs)] == ["bad bad.yaml"]
+
+
+def test_a_folder_that_is_made_later_is_read(tmp_path: Path) -> None:
+    specs = Library(tmp_path / "specs", tmp_path / "uploads")
+    with pytest.raises(UnknownSpecError):
+        specs.get("x")
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs" / "x.yaml").write_text(SPEC % 1)
+    assert specs.get("x").id == "x"
+
+
+def test_a_new_file_with_the_id_of_another_one_is_unsound(path: Path) -> None:
+    specs = Library(path.parent, path.parent / "uploads")
+    (path.parent / "a.yaml").write_text(SPEC % 2)
+    assert [*reasons(specs)] == ["x a.yaml"]
+    assert specs.get("x").file.text == SPEC % 1
+
+
+def test_a_file_that_is_renamed_there_and_back_is_that_spec_all_along(path: Path) -> None:
+    specs, other = Library(path.parent, path.parent / "uploads"), path.with_name("y.yaml")
+    for old, new, value in ((path, other, 2), (other, path, 3)):
+        old.rename(new)
+        new.write_text(SPEC % value)
+        assert specs.get("x").file.text == SPEC % value
+        assert [e.path for e in specs.listed()] == [new]
+
+
+def test_an_unsound_file_that_is_gone_and_comes_again_is_on_hand(path: Path) -> None:
+    path.write_text(UNSOUND)
+    specs = Library(path.parent, path.parent / "uploads")
+    path.unlink()
+    assert specs.listed() == []
+    path.write_text(SPEC % 1)
+    assert specs.get("x").file.text == SPEC % 1
+
+
+def test_an_upload_goes_before_a_new_file(path: Path) -> None:
+    specs = Library(path.parent, path.parent / "uploads")
+    specs.put("y", (SPEC % 2).replace("id: x", "id: y"))
+    (path.parent / "y.yaml").write_text((SPEC % 1).replace("id: x", "id: y"))
+    assert [(e.id, e.source) for e in specs.listed()] == [("x", "file"), ("y", "put")]
+    assert reasons(specs) == {}
