@@ -107,13 +107,22 @@ def test_a_cancel_by_time_ends_what_is_older_wherever_it_is(tmp_path: Path) -> N
         process.ends_well()
 
 
-def test_a_goal_without_an_id_passes_and_has_that_of_its_server(tmp_path: Path) -> None:
-    with watched(tmp_path, streams("goal", "result", ask="goal"), decide) as (scene, oracle, process):
+def test_a_goal_without_an_id_gets_one_by_which_all_that_comes_of_it_is_known(tmp_path: Path) -> None:
+    described = streams("goal", "reply", "result", "status", ask="goal")
+    with watched(tmp_path, described, decide) as (scene, oracle, process):
         serving = server(scene, count)
         peer = raw(scene)
-        send(peer, 3, "")
-        [(goal_id, code)] = ended(peer, 1)
-        assert code == GoalStatus.SUCCEEDED
-        assert serving.goals("/count") == [goal_id] == ids(oracle.heard("result", 1))
-        assert ids(oracle.heard("goal")) == [""]
+        send(peer, 1, "")
+        send(peer, 2, "")
+        ends = ended(peer, 2)
+        send(peer, DENIED, "")
+        assert [code for _, code in ends] == [GoalStatus.SUCCEEDED] * 2
+        [rejected] = [goal_id for goal_id, code in ended(peer, 3) if code == GoalStatus.REJECTED]
+        given = [goal_id for goal_id, _ in ends]
+        assert sorted(serving.goals("/count", 2)) == given
+        assert len({*given, rejected, ""}) == 4
+        assert sorted(ids(oracle.heard("goal", 3))) == sorted([*given, rejected])
+        assert sorted(ids(oracle.heard("reply", 2))) == given
+        assert sorted(ids(oracle.heard("result", 2))) == given
         process.ends_well()
+        assert "goals that go on" not in process.log

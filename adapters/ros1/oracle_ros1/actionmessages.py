@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Mapping, Optional
 
@@ -113,6 +114,20 @@ def text_of(goal_id: str) -> str:
         return goal_id
     digest = hashlib.sha256(goal_id.encode()).hexdigest()
     return goal_id[: LONGEST - len(digest)] + digest
+
+
+def with_id(goal: Any, message: rospy.AnyMsg, goal_id: str) -> rospy.AnyMsg:
+    """A goal that came without an id, as a message that has this one; the goal has it, too.
+
+    Servers would give it one that nobody knows who has sent the goal.
+    """
+    goal.goal_id.id = goal_id
+    written = io.BytesIO()
+    goal.serialize(written)
+    made = rospy.AnyMsg()
+    made._connection_header = header_of(message)  # noqa: SLF001 - rospy's own interface
+    made._buff = written.getvalue()  # noqa: SLF001
+    return made
 
 
 @dataclass(eq=False)

@@ -18,7 +18,7 @@ from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import ActionEvents, Event
 from oracle_ros1.actiongoals import Goals
-from oracle_ros1.actionmessages import Goal, Said
+from oracle_ros1.actionmessages import Goal, Said, with_id
 from oracle_ros1.actionshown import ShownStatuses
 from oracle_ros1.actionstatus import status
 from oracle_ros1.actiontopics import ActionTopics
@@ -101,7 +101,10 @@ class ProxiedAction:
         found = self._events.decoded("goal", message)
         if found is None:
             return
-        goal = Goal(next(self._events.numbers), found.goal_id, message)
+        number = next(self._events.numbers)
+        if not found.goal_id.id:
+            message = with_id(found, message, f"{rospy.get_name()}-{number}")
+        goal = Goal(number, found.goal_id, message)
         if not self._goals.begin(goal):
             return
         self._catch_up()
