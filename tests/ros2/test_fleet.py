@@ -87,6 +87,10 @@ def test_a_monitor_may_be_named_as_no_node_may(monitor: str, tmp_path: Path) -> 
         (["--remap", "/battery"], "'/battery' is no remap like"),
         (["--remap", "/takeoff:=/battery"], "--remap: /battery and /takeoff would both be /battery here"),
         (["--remap", "/battery:=/rosout"], "/battery can't be observed as std_msgs/msg/Float64: "),
+        (
+            ["--ros-args", "-r", "/takeoff:=/takeoff_mon"],
+            "/takeoff and its proxy /takeoff_mon would both be /takeoff_mon here",
+        ),
         (["--namespace", "uav 1"], "'uav 1' is no namespace like"),
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Tuple, Union
+from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Sequence, Tuple, Union
 
 from oracle_adapter.errors import LinkError
 from oracle_adapter.interfaces import interfaces_of
@@ -13,6 +13,7 @@ from oracle_adapter.link import Link
 if TYPE_CHECKING:
     import threading
 
+    from oracle_adapter.kinds import InterfaceType
     from oracle_adapter.names import Names
     from oracle_adapter.notices import Attached
 
@@ -146,17 +147,31 @@ def close(link: Link, warn: Callable[[str], None]) -> None:
             warn(f"the oracle has not confirmed the last {left} events: they may be lost")
 
 
-def check_names(names: Names, attached: Attached) -> None:
-    """Raise ValueError where the spec has no stream of a remapped name, or two are one here."""
+def check_names(
+    names: Names, attached: Attached, on_graph: Callable[[InterfaceType, str], Sequence[str]]
+) -> None:
+    """Raise ValueError where the spec has no stream of a remapped name, or two are one here.
+
+    So it is where a stream and its proxy are one: what passes would come again, for ever.
+    `on_graph` returns all names that an interface of a name has, as ROS's own remaps make them.
+    """
     known = (n for s in attached.streams for n in (s["name"], s.get("proxy") or s["name"]))
     for unknown in names.unused(known):
         raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
     taken: Dict[Tuple[str, str], str] = {}
     for interface in interfaces_of(attached.streams):
-        here = names[interface.name]
-        other = taken.setdefault((interface.type, here), interface.name)
-        if other != interface.name:
+        own = on_graph(interface.type, names[interface.name])
+        for here in own:
+            other = taken.setdefault((interface.type, here), interface.name)
+            if other != interface.name:
+                raise ValueError(
+                    f"--remap: {other} and {interface.name} would both be {here} here; "
+                    "give one of them another name"
+                )
+        proxy = interface.proxy and on_graph(interface.type, names[interface.proxy])
+        for here in set(own).intersection(proxy):
             raise ValueError(
-                f"--remap: {other} and {interface.name} would both be {here} here; "
-                "give one of them another name"
+                f"{interface.name} and its proxy {interface.proxy} would both be {here} here, so "
+                "that what passes comes again: take the remap away that makes them one, as by a "
+                "<remap> that is meant for other nodes"
             )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Mapping, Tuple
 
 from oracle_adapter.kinds import KINDS
+from oracle_adapter.names import PROXY
 
 if TYPE_CHECKING:
     from oracle_adapter.board import Board
@@ -38,6 +39,13 @@ class Interface:
     def filtered(self) -> bool:
         """Whether events of it pass only where the oracle allows them."""
         return any(is_filtered(stream) for stream in self.streams.values())
+
+    @property
+    def proxy(self) -> str:
+        """The spec's name of what stands in its place; empty where nothing does."""
+        if self.type == "topic":
+            return self.name + PROXY if self.filtered else ""
+        return str(self.first.get("proxy") or "")
 
 
 def is_filtered(stream: Stream) -> bool:

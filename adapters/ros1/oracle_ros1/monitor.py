@@ -13,7 +13,7 @@ from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
 from oracle_ros1.observed import deafen
-from oracle_ros1.parts import make_part
+from oracle_ros1.parts import make_part, names_on_graph
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import on_back, simulated_now, wall_now
 
@@ -30,9 +30,9 @@ class Monitor:
         """Observe the streams that the server named.
 
         Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't, or where two
-        have one name.
+        have one name, or one and its proxy.
         """
-        check_names(names, attached)
+        check_names(names, attached, names_on_graph)
         self._link, self._board, self._streams = link, board, attached.streams
         self._now = now = simulated_now if simulated else wall_now
         self._graph = Graph()

@@ -5,14 +5,16 @@ Another type of interface is a row here, and a file of its own.
 
 from __future__ import annotations
 
-from typing import Callable, Mapping, Optional, Protocol, Sequence, Tuple
+from typing import Callable, List, Mapping, Optional, Protocol, Sequence, Tuple
 
+import rospy
 from oracle_adapter import TimeSource
 from oracle_adapter.interfaces import Interface
 from oracle_adapter.kinds import InterfaceType
 
 from oracle_ros1.actionproxy import ProxiedAction
 from oracle_ros1.actions import LoggedAction
+from oracle_ros1.actiontopics import TO_CLIENT, TO_SERVER
 from oracle_ros1.services import ProxiedService
 from oracle_ros1.shared import Shared
 from oracle_ros1.topics import FilteredTopic, LoggedTopic
@@ -73,3 +75,9 @@ MAKERS: Mapping[Tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]]
 def make_part(shared: Shared, interface: Interface) -> Part:
     """Observe an interface from now on. Raises `CodecError` where its type is not there."""
     return MAKERS[interface.type, interface.filtered](shared, interface)
+
+
+def names_on_graph(of: InterfaceType, name: str) -> List[str]:
+    """All names of an interface that is called so, as ROS's remaps of this node make them."""
+    topics = [f"{name}/{kind}" for kind in (*TO_SERVER, *TO_CLIENT)] if of == "action" else [name]
+    return [str(rospy.resolve_name(topic)) for topic in topics]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
@@ -11,7 +12,7 @@ from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
 
-from oracle_ros2.parts import make_part
+from oracle_ros2.parts import make_part, names_on_graph
 from oracle_ros2.shared import Shared
 from oracle_ros2.stamps import on_back, simulated, time_of
 
@@ -30,10 +31,10 @@ class Monitor:
     def __init__(self, node: Node, link: Link, board: Board, names: Names, attached: Attached) -> None:
         """Observe the streams that the server named.
 
-        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't, two have one name, or
-        ROS does not let one be observed.
+        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't, two have one name, one
+        and its proxy have, or ROS does not let one be observed.
         """
-        check_names(names, attached)
+        check_names(names, attached, partial(names_on_graph, node))
         self._node, self._link, self._board = node, link, board
         self._attached, self._streams = attached, attached.streams
         streams = attached.streams

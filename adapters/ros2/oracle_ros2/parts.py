@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from oracle_adapter import TimeSource
     from oracle_adapter.interfaces import Interface
     from oracle_adapter.kinds import InterfaceType
+    from rclpy.node import Node
 
     from oracle_ros2.shared import Shared
 
@@ -82,3 +83,13 @@ def make_part(shared: Shared, interface: Interface) -> Part:
         return MAKERS[interface.type, interface.filtered](shared, interface)
     except (RuntimeError, NameValidationException) as error:  # rcl's errors are of the first class
         raise ValueError(f"{interface.name} can't be observed as {interface.first['type']}: {error}") from error
+
+
+def names_on_graph(node: Node, of: InterfaceType, name: str) -> list[str]:
+    """What an interface is called that has this name here, as ROS's remaps of this node make it."""
+    try:
+        if of == "topic":
+            return [node.resolve_topic_name(name)]
+        return [node.resolve_service_name(f"{name}/_action/send_goal" if of == "action" else name)]
+    except NameValidationException:  # to observe it fails, too, and says why
+        return [name]
