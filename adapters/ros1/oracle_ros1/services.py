@@ -17,6 +17,24 @@ from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import stamp_reader
 
 
+def _as_sent(service_type: Any) -> Any:
+    """A service's type whose messages are passed on byte for byte as they came, whatever is read of them."""
+
+    def message(read: Any) -> Any:
+        def deserialize(self: Any, data: bytes) -> Any:
+            self.sent = data
+            return read.deserialize(self, data)
+
+        def serialize(self: Any, buffer: Any) -> None:
+            buffer.write(self.sent)
+
+        return type(read.__name__, (read,), {"deserialize": deserialize, "serialize": serialize})
+
+    request, response = service_type._request_class, service_type._response_class  # noqa: SLF001 - genpy's own interface
+    classes = {"_request_class": message(request), "_response_class": message(response)}
+    return type(service_type.__name__, (service_type,), classes)
+
+
 class ProxiedService:
     """Serves `proxy`, and calls the service with what may pass; rospy gives each call a thread of its own.
 
@@ -27,7 +45,7 @@ class ProxiedService:
         """Serve at once. Raises `CodecError`."""
         self._link, self._now, self._graph, self._name = shared.link, shared.now, shared.graph, service.name
         request, response = service.streams["request"], service.streams["response"]
-        self._type = installed_service(ros1_name(request["type"]))
+        self._type = _as_sent(installed_service(ros1_name(request["type"])))
         self._request = _Side(shared, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
         self._response = _Side(shared, response, self._type._response_class)  # noqa: SLF001
         self.streams = [self._request, self._response]

@@ -1,0 +1,68 @@
+"""What a service's proxy passes on, on real ROS 1."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Self
+
+from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
+
+from tests.robot import SWITCH, spec_folder
+from tests.ros1.harness import Scene
+
+LATIN = b"\x01\x04\0\0\0caf\xe9"
+"""A response whose text is no UTF-8."""
+
+
+class AnswerInLatin(SetBoolResponse):  # type: ignore[misc]
+    """What its server sends."""
+
+    def serialize(self, buffer: BytesIO) -> None:
+        buffer.write(LATIN)
+
+
+class AsItCame(SetBoolResponse):  # type: ignore[misc]
+    """Has what came as its text."""
+
+    def deserialize(self, data: bytes) -> Self:
+        self.message = data.hex()
+        return self
+
+
+class TwiceTrue(SetBoolRequest):  # type: ignore[misc]
+    """A request whose Boolean is 2, as that of a client in C may be, with something behind its end."""
+
+    def serialize(self, buffer: BytesIO) -> None:
+        buffer.write(b"\x02\x07")
+
+
+class RequestAsItCame(SetBoolRequest):  # type: ignore[misc]
+    def deserialize(self, data: bytes) -> Self:
+        self.data = data.hex()
+        return self
+
+
+class Serving(SetBool):  # type: ignore[misc]
+    _request_class = RequestAsItCame
+
+
+class Calling(SetBool):  # type: ignore[misc]
+    _request_class, _response_class = TwiceTrue, AsItCame
+
+
+def answer_in_latin(_: Any) -> AnswerInLatin:
+    return AnswerInLatin()
+
+
+def test_a_call_passes_byte_for_byte(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(Serving, "/switch", answer_in_latin)
+        answer, error = caller.call(Calling, "/switch_mon", TwiceTrue())
+        assert error is None
+        assert bytes.fromhex(answer.message) == LATIN
+        assert [request.data for request in panel.reached("/switch")] == ["0207"]
+        told = [(event["kind"], event["passed"]) for event in scene.server.events("s")]
+        assert told == [("request", True), ("response", True)]
+        adapter.ends_well()
