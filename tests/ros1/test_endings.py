@@ -127,6 +127,21 @@ def test_an_adapter_ends_though_the_master_hangs_and_settles_what_waits_at_once(
         assert hearer.heard("/number") == []
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_adapter_whose_master_hangs_as_the_oracle_comes_can_be_ended(number: signal.Signals, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        scene.server.kill()
+        words = ("--oracle", scene.server.url, "--spec", "gate", "--session", "s", "--monitor", "uav1")
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", *words)
+        adapter.said("waiting for the oracle")
+        scene.master.send(signal.SIGSTOP)
+        scene.server.restart()
+        adapter.said("attached s")
+        adapter.ends_well(number)
+        scene.master.send(signal.SIGCONT)
+        assert "observing" not in adapter.log
+
+
 def test_a_master_that_was_started_anew_learns_of_the_adapter_again(tmp_path: Path) -> None:
     specs = spec_folder(tmp_path, BOTH, intercept="publisher", unavailable="deny", within="60s")
     with Scene(tmp_path, specs) as scene:

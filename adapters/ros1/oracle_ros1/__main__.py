@@ -10,10 +10,10 @@ import argparse
 import json
 import os
 import re
-import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
 import rospy
@@ -25,6 +25,7 @@ from oracle_ros1.graph import dump_graph, log_without_master
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
 from oracle_ros1.options import complete, read_options
 from oracle_ros1.screen import Screen
+from oracle_ros1.stopping import Stopping
 
 if TYPE_CHECKING:
     from oracle_adapter import Link
@@ -38,14 +39,16 @@ _NEW_NODE = "new node registered with same name"
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start, is refused, or is replaced."""
     options, for_ros = read_options(sys.argv if arguments is None else arguments, __doc__)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: sys.exit(0))  # there may be no master yet, and there is nothing to end
-    # waits for the master; a node of the name that another one has would end that one
-    rospy.init_node(_node_name(options), argv=for_ros, anonymous=options.dump_graph, disable_signals=True)
-    log_without_master()
-    stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+    stopping = Stopping()
+    with stopping.asking_master():  # there may be none yet, and there is nothing to end
+        # waits for the master; a node of the name that another one has would end that one
+        rospy.init_node(_node_name(options), argv=for_ros, anonymous=options.dump_graph, disable_signals=True)
+        log_without_master()
+    return _as_node(options, stopping)
+
+
+def _as_node(options: argparse.Namespace, stopping: Stopping) -> int:
+    """What `main` does once there is a node."""
     replaced: List[str] = []
 
     def ended(reason: str) -> None:
@@ -56,11 +59,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     rospy.core.add_preshutdown_hook(ended)  # `rosnode kill`, or another node of this name
     status = 0
     try:
-        if options.dump_graph:
-            sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
-        else:
-            complete(options, rospy.logwarn)
-            status = _run(options, stopping)
+        with suppress(SystemExit):  # a signal came while the master was asked
+            status = _do(options, stopping)
     except (CodecError, LinkError, ValueError) as error:
         rospy.logfatal(str(error))
         status = 2
@@ -76,6 +76,18 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     return status
 
 
+def _do(options: argparse.Namespace, stopping: Stopping) -> int:
+    """What the options ask for; the exit status."""
+    with stopping.asking_master():
+        if options.dump_graph:
+            sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
+            return 0
+        complete(options, rospy.logwarn)
+        simulated = bool(rospy.get_param("/use_sim_time", False))
+        board = Board(options.monitor, Screen(options.monitor))
+    return _run(options, board, stopping, simulated=simulated)
+
+
 def _in_time(leave: Callable[[], None]) -> bool:
     """Whether something that the master must answer is done within `LEAVE_WITHIN`."""
     leaving = threading.Thread(target=leave, daemon=True)
@@ -88,9 +100,8 @@ def _node_name(options: argparse.Namespace) -> str:
     return re.sub(r"\W", "_", (options.monitor or "monitor").strip("/")) or "monitor"
 
 
-def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
+def _run(options: argparse.Namespace, board: Board, stopping: Stopping, *, simulated: bool) -> int:
     names = Names(options.remap, options.namespace or "")
-    board = Board(options.monitor, Screen(options.monitor))
     failed: List[LinkError] = []
 
     def on_error(error: LinkError) -> None:
@@ -99,7 +110,6 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             failed.append(error)
             stopping.set()
 
-    simulated = bool(rospy.get_param("/use_sim_time", False))
     if options.log and not options.embedded:
         link: Any = open_log(options.log, options.streams, options.monitor, board.on_state, on_error)
     else:
@@ -111,7 +121,8 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     link.start()
     monitor = None
     try:
-        monitor = _observe(link, board, names, stopping, simulated=simulated)
+        with suppress(SystemExit):  # a signal came, or the link has ended, while the master was asked
+            monitor = _observe(link, board, names, stopping, simulated=simulated)
     finally:  # first what waits is settled: the master may hang
         close(link, rospy.logerr)
         if monitor is not None:
@@ -119,23 +130,23 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     return 2 if failed else 0
 
 
-def _observe(
-    link: Link, board: Board, names: Names, stopping: threading.Event, *, simulated: bool
-) -> Optional[Monitor]:
+def _observe(link: Link, board: Board, names: Names, stopping: Stopping, *, simulated: bool) -> Optional[Monitor]:
     """Observe what the server names until `stopping` is set; the monitor that has stopped then.
 
     Raises `CodecError`, or ValueError for a bad remap.
     """
     attached = wait_attached(link, stopping, rospy.logwarn)
     while attached is not None:
-        monitor = Monitor(link, board, names, attached, simulated=simulated)
+        with stopping.asking_master():
+            monitor = Monitor(link, board, names, attached, simulated=simulated)
         while not stopping.is_set() and not monitor.outdated:
             monitor.turn()
             time.sleep(CLOCK_PERIOD)  # not `stopping.wait`: a signal that comes inside it would wait for its lock
         monitor.stop()
         if stopping.is_set():
             return monitor
-        monitor.leave()
+        with stopping.asking_master():
+            monitor.leave()
         attached = wait_attached(link, stopping, rospy.logwarn)
     return None
 

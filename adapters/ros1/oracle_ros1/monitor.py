@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from typing import List
+from typing import List, Optional
 
 import rospy
 from oracle_adapter import Attached, Board, ClockStamp, Link, Names
@@ -13,7 +13,7 @@ from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
 from oracle_ros1.observed import deafen
-from oracle_ros1.parts import make_part, names_on_graph
+from oracle_ros1.parts import Part, make_part, names_on_graph
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import on_back, simulated_now, wall_now
 
@@ -38,13 +38,21 @@ class Monitor:
         self._graph = Graph()
         self._clocks = Clocks(now)
         shared = Shared(link, board, names, now, self._graph, self._clocks)
-        self._parts = [make_part(shared, interface) for interface in interfaces_of(attached.streams)]
+        self._parts: List[Part] = []
+        self._jumps: Optional[rospy.Subscriber] = None
+        try:
+            for interface in interfaces_of(attached.streams):
+                self._parts.append(make_part(shared, interface))
+            if simulated:
+                self._jumps = on_back(lambda: link.renew(self._stamps))
+        except BaseException:  # the parts that are there would forward on, by policy where the link has ended
+            self.stop()
+            raise
         self._clocks.follow(stream for part in self._parts for stream in part.streams)
         board.keep(stream["name"] for stream in attached.streams)
         report_unknown(attached.streams, board, link)
         self._graph.start()
         self._turns = itertools.count()
-        self._jumps = on_back(lambda: link.renew(self._stamps)) if simulated else None
         rospy.loginfo(f"observing {len(attached.streams)} streams for session {attached.session}")
 
     @property

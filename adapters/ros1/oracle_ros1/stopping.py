@@ -1,0 +1,36 @@
+"""The end of the adapter, as signals ask for it: at once where it waits for the master, which may hang."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from contextlib import contextmanager
+from typing import Iterator
+
+
+class Stopping(threading.Event):
+    """Set once the adapter is to end."""
+
+    def __init__(self) -> None:
+        """Be set by SIGINT and SIGTERM, from now on; to be made in the main thread."""
+        super().__init__()
+        self._asking = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._asked())
+
+    @contextmanager
+    def asking_master(self) -> Iterator[None]:
+        """Around what the master must answer: there a signal raises SystemExit, in the main thread."""
+        self._asking = True
+        try:
+            if self.is_set():
+                sys.exit(0)
+            yield
+        finally:
+            self._asking = False
+
+    def _asked(self) -> None:
+        self.set()
+        if self._asking:
+            sys.exit(0)
