@@ -89,14 +89,45 @@ def test_an_adapter_that_waits_for_a_master_can_be_ended(number: signal.Signals,
         adapter.ends_well(number)
 
 
-def test_an_adapter_whose_name_another_one_takes_says_so_and_the_other_goes_on(tmp_path: Path) -> None:
+def test_an_adapter_whose_name_another_node_takes_says_so(tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
-        first = scene.adapter("gate", session="one")
-        second = scene.adapter("gate", session="two")
-        assert first.wait() == 2
-        first.said("the monitor has ended: another node was started as /uav1")
+        adapter = scene.adapter("gate")
+        scene.run("taker", "rostopic", "pub", "/other", "std_msgs/Empty", "__name:=uav1")
+        assert adapter.wait() == 2
+        adapter.said("the monitor has ended: another node was started as /uav1")
+
+
+@pytest.mark.parametrize("session", ["s", "t"])
+def test_an_adapter_with_the_name_of_another_one_does_not_start_and_that_one_goes_on(
+    session: str, tmp_path: Path
+) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        first = scene.adapter("gate")
+        words = ("--oracle", scene.server.url, "--spec", "gate", "--session", session, "__name:=uav1")
+        second = scene.run("second", sys.executable, "-m", "oracle_ros1", *words)
+        assert second.wait() == 2
+        second.said("another node named /uav1 runs at http://.*: waiting for its end")
+        second.said("would be ended by this one: give this one another name by --monitor, or end that one")
         opened(scene)
-        assert second.running
+        first.ends_well()
+
+
+def test_an_adapter_that_is_started_while_the_one_before_it_ends_waits_for_it(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        first = scene.adapter("gate")
+        words = ("--oracle", scene.server.url, "--spec", "gate", "--session", "s", "--monitor", "uav1")
+        second = scene.run("second", sys.executable, "-m", "oracle_ros1", *words)
+        second.said("waiting for its end")
+        first.ends_well()
+        second.said("observing")
+        second.ends_well()
+
+
+def test_an_adapter_takes_the_name_of_one_that_was_killed(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        scene.adapter("gate").end(signal.SIGKILL)
+        second = scene.adapter("gate")
+        assert "waiting for its end" not in second.log
         second.ends_well()
 
 

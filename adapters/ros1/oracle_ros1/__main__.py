@@ -23,6 +23,7 @@ from oracle_adapter.command import close, make_link, wait_attached
 from oracle_ros1.codec import CodecError
 from oracle_ros1.graph import dump_graph, log_without_master
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
+from oracle_ros1.nodename import taken
 from oracle_ros1.options import complete, read_options
 from oracle_ros1.screen import Screen
 from oracle_ros1.stopping import Stopping
@@ -41,6 +42,10 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     options, for_ros = read_options(sys.argv if arguments is None else arguments, __doc__)
     stopping = Stopping()
     with stopping.asking_master():  # there may be none yet, and there is nothing to end
+        why = "" if options.dump_graph else taken(_node_name(options), for_ros, _say)
+        if why:
+            _say(why)
+            return 2
         # waits for the master; a node of the name that another one has would end that one
         rospy.init_node(_node_name(options), argv=for_ros, anonymous=options.dump_graph, disable_signals=True)
         log_without_master()
@@ -86,6 +91,11 @@ def _do(options: argparse.Namespace, stopping: Stopping) -> int:
         simulated = bool(rospy.get_param("/use_sim_time", False))
         board = Board(options.monitor, Screen(options.monitor))
     return _run(options, board, stopping, simulated=simulated)
+
+
+def _say(text: str) -> None:
+    """Tell something before there is a node that logs."""
+    sys.stderr.write(f"oracle_ros1: {text}\n")
 
 
 def _in_time(leave: Callable[[], None]) -> bool:

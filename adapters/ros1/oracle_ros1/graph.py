@@ -26,24 +26,29 @@ NOISE = ("/rosout", "/rosout_agg")
 SERVICES = ("/get_loggers", "/set_logger_level")  # that every node has
 
 
-class _TimedTransport(Transport):
+class TimedTransport(Transport):
     """HTTP with a time limit: a machine that vanishes leaves connections open that stay silent."""
 
+    def __init__(self, seconds: float) -> None:
+        """Wait so long for a connection, and for each reply."""
+        super().__init__()
+        self._seconds = seconds
+
     def make_connection(self, host: Any) -> HTTPConnection:
-        """Make a connection that waits `REPLY_WITHIN` for a reply."""
+        """Make a connection with the time limit."""
         connection = super().make_connection(host)
-        connection.timeout = REPLY_WITHIN
+        connection.timeout = self._seconds
         return connection
 
 
-def master_proxy() -> Any:
+def master_proxy(seconds: float = REPLY_WITHIN) -> Any:
     """The master, as `rospy.get_master` has it, but on a connection of its own and with a time limit.
 
     Its methods raise OSError where there is no master, or no answer in time.
     """
     uri = rosgraph.get_master_uri()
     master = rospy.msproxy.MasterProxy(uri)
-    master.target = ServerProxy(uri, transport=_TimedTransport())
+    master.target = ServerProxy(uri, transport=TimedTransport(seconds))
     return master
 
 

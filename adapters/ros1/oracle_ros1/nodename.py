@@ -1,0 +1,53 @@
+"""The name of the adapter's node, which no other node may have: ROS ends the one that had it before."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Callable, Optional, Sequence
+from xmlrpc.client import Fault, ServerProxy
+
+import rospy
+from rosgraph.names import load_mappings, resolve_name
+
+from oracle_ros1.graph import TimedTransport, master_proxy
+
+FREE_WITHIN = 10.0
+"""Seconds for which an adapter that is ending keeps its name, at the most."""
+ASK_WITHIN = 3.0
+"""Seconds that a node may take to answer."""
+
+
+def taken(own: str, arguments: Sequence[str], warn: Callable[[str], None]) -> str:
+    """Why this process can't have a node of its `own` name, or that of `arguments`; empty where it can.
+
+    To be called before there is a node. Another one that is ending is waited for, and `warn` called then.
+    """
+    name = resolve_name(load_mappings(arguments).get("__name", own), rospy.get_caller_id())
+    end, warned = time.monotonic() + FREE_WITHIN, False
+    while True:
+        address = _other(name)
+        if address is None:
+            return ""
+        found = f"another node named {name} runs at {address}"
+        if time.monotonic() > end:
+            return f"{found}, and would be ended by this one: give this one another name by --monitor, or end that one"
+        if not warned:
+            warn(f"{found}: waiting for its end, for {FREE_WITHIN:.0f} s at most")
+            warned = True
+        time.sleep(0.2)
+
+
+def _other(name: str) -> Optional[str]:
+    """Where a node of this name is; None where there is none, or the master is not there to say so."""
+    caller = rospy.get_caller_id()
+    try:
+        code, _, address = master_proxy(ASK_WITHIN).lookupNode(name)
+        if code != 1:
+            return None
+        node: Any = ServerProxy(address, transport=TimedTransport(ASK_WITHIN))
+        code, _, found = node.getName(caller)
+    except Fault:  # as those in C++ have no such method
+        return str(address)
+    except Exception:  # noqa: BLE001 - nobody answers, or what is no node
+        return None
+    return str(address) if code != 1 or found == name else None
