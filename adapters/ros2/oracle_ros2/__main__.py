@@ -7,11 +7,12 @@ import json
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING, Any, Sequence
+from typing import TYPE_CHECKING, Any, Callable, Sequence, TypeVar
 
 import rclpy
 from oracle_adapter import Board, LinkError, Names, graph_name, open_log
 from oracle_adapter.command import close, default, demand_one_oracle, make_link, parser, wait_attached
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -26,19 +27,31 @@ from oracle_ros2.stamps import simulated
 if TYPE_CHECKING:
     from oracle_adapter import Link
 
+T = TypeVar("T")
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
     own, for_ros = _split(sys.argv if arguments is None else arguments)
     options = _parse(own)
-    rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
+    _started(lambda: rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO))
     try:
-        return _dump_graph() if options.dump_graph else _run(options, stopping)
+        return _dump_graph(stopping) if options.dump_graph else _run(options, stopping)
     finally:
         rclpy.try_shutdown()
+
+
+def _started(make: Callable[[], T]) -> T:
+    """What ROS makes, or the end of the program with 2 where its arguments or its settings do not let it."""
+    try:
+        return make()
+    except (RuntimeError, NameValidationException, ParameterException) as error:  # rcl's errors are of the first class
+        text = str(error).partition(", at /")[0]
+        sys.stderr.write(f"oracle_ros2: error: ROS does not start: {type(error).__name__}: {text}\n")
+        sys.exit(2)
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -62,7 +75,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     except ValueError as error:
         options.error(str(error))
     for name, value in vars(given).items():
-        setattr(given, name, default(name) if value is None else value or None)
+        setattr(given, name, value or default(name))
     try:
         given.names = Names(given.remap or (), given.namespace or "")
     except ValueError as error:
@@ -70,9 +83,13 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     return given
 
 
-def _dump_graph() -> int:
-    node = Node("oracle_graph", start_parameter_services=False)
-    sys.stdout.write(json.dumps(dump_graph(node), indent=2) + "\n")
+def _dump_graph(stopping: threading.Event) -> int:
+    node = _started(lambda: Node("oracle_graph", start_parameter_services=False))
+    graph = dump_graph(node, stopping.is_set)
+    if graph is None:
+        node.get_logger().error("ended before the graph was there: nothing is printed")
+        return 2
+    sys.stdout.write(json.dumps(graph, indent=2) + "\n")
     for name in doubled(node):
         node.get_logger().warning(
             f"several nodes are named {name}: the graph has only what one of them publishes, subscribes, serves and "
@@ -84,9 +101,10 @@ def _dump_graph() -> int:
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     name = graph_name(options.monitor).strip("/").replace("/", "_")
-    node = Node(name, start_parameter_services=False)  # seven services that every callback would pay for
+    # without seven services that every callback would pay for
+    node = _started(lambda: Node(name, start_parameter_services=False))
     log = node.get_logger()
-    board = Board(options.monitor, Screen(node, options.monitor))
+    board = Board(options.monitor, _started(lambda: Screen(node, options.monitor)))
     failed: list[LinkError] = []
 
     def on_error(error: LinkError) -> None:

@@ -20,19 +20,22 @@ PARAMETERS = ("describe_parameters", "get_parameter_types", "get_parameters", "g
 Named = Callable[[str, str], "list[tuple[str, list[str]]]"]
 
 
-def dump_graph(node: Node) -> dict[str, Any]:
-    """The graph without `node` itself, once discovery has settled; types by the names of topics and services."""
+def dump_graph(node: Node, is_ended: Callable[[], bool]) -> dict[str, Any] | None:
+    """The graph without `node` itself, once discovery has settled; types by the names of topics and services.
+
+    None where it `is_ended` before.
+    """
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     graph, since, end = _look(node), time.monotonic(), time.monotonic() + DISCOVERY_LIMIT
-    while time.monotonic() < min(since + SETTLED, end):
+    while time.monotonic() < min(since + SETTLED, end) and not is_ended():
         executor.spin_once(timeout_sec=0.05)
         now = _look(node)
         if now != graph:
             graph, since = now, time.monotonic()
     executor.remove_node(node)
     executor.shutdown()
-    return graph
+    return None if is_ended() else graph
 
 
 def hidden(action: str, interface: str) -> str:
