@@ -10,6 +10,7 @@ import re
 import string
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -280,3 +281,37 @@ def test_paths_that_a_type_does_not_have_are_told() -> None:
     there = ["header.stamp.sec", "twist.twist.linear.x", "pose.covariance", "child_frame_id"]
     lacking = ["twist.liner.x", "header.stamp.secs", "pose.covariance.x", "child_frame_id.x", "nothing"]
     assert codec.lacking(odometry, [*there, *lacking]) == lacking
+
+
+def test_a_package_whose_python_can_t_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """rosidl writes `self.from = …` for a field of that name, which C++ takes."""
+    module = tmp_path / "unreadable_msgs" / "msg" / "__init__.py"
+    module.parent.mkdir(parents=True)
+    module.write_text("class Route:\n    def __init__(self):\n        self.from = 0\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(codec.CodecError, match=r"the type unreadable_msgs/msg/Route can't be loaded.*invalid syntax"):
+        codec.load_type("unreadable_msgs/msg/Route")
+
+
+def test_a_package_whose_libraries_are_not_found_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = tmp_path / "bare_msgs" / "msg" / "__init__.py"
+    module.parent.mkdir(parents=True)
+    module.write_text(
+        """from rosidl_generator_py import import_type_support
+
+
+class Kind(type):
+    _TYPE_SUPPORT = None
+
+    @classmethod
+    def __import_type_support__(cls):
+        import_type_support("bare_msgs")
+
+
+class Route(metaclass=Kind):
+    pass
+"""
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(codec.CodecError, match=r"bare_msgs/msg/Route can't be loaded.*rosidl_typesupport_c"):
+        codec.load_type("bare_msgs/msg/Route")

@@ -15,6 +15,7 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 
 import numpy
 from oracle_adapter.fields import grouped
+from rclpy.type_support import check_for_type_support
 
 Read = Callable[[Any], Any]
 
@@ -28,13 +29,15 @@ class CodecError(Exception):
 
 
 def load_type(name: str) -> Any:
-    """The class of `pkg/msg/Type` or `pkg/srv/Type`; raises `CodecError` where its package is not there."""
+    """The class of `pkg/msg/Type` or `pkg/srv/Type`; raises `CodecError` where it is not there or not whole."""
     package, _, rest = name.partition("/")
     kind, _, type_name = rest.rpartition("/")
     try:
-        return getattr(importlib.import_module(f"{package}.{kind or 'msg'}"), type_name)
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        found = getattr(importlib.import_module(f"{package}.{kind or 'msg'}"), type_name)
+        check_for_type_support(found)
+    except Exception as error:  # whatever its package does: fields named as words of Python's make it no Python
         raise CodecError(f"the type {name} can't be loaded; is its package built and sourced? ({error})") from error
+    return found
 
 
 def reader(message_type: Any, fields: Iterable[str] | None) -> Read:
