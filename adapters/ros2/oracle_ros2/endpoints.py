@@ -42,6 +42,9 @@ class MatchedSubscription:
         self._node, self._type, self._topic, self._take = node, message_type, topic, take
         self.offered: list[QoSProfile] = []
         """What the publishers offer, as of the last look."""
+        self._definition: bytes | None = None
+        self._foreign: list[str] = []  # the publishers whose type is defined otherwise
+        self._looked_for: set[str] = set()
         self._subscriptions: list[Any] = []
         self._came: deque[int] = deque(maxlen=DEPTH)  # when the last ones without numbers were published (ns)
         self._publishers = self._look_around()
@@ -76,6 +79,16 @@ class MatchedSubscription:
         nodes = (full_name(info) for info in self._publishers if bytes(info.endpoint_gid).hex().startswith(source))
         return next(nodes, None)
 
+    def is_foreign(self, source: str) -> bool:
+        """Whether messages of a source are defined otherwise than here; where sources are not told, whether any are.
+
+        They may come all the same, and would be read as what they are not.
+        """
+        if source not in self._looked_for:  # its publisher may have come since the last look
+            self._looked_for.add(source)
+            self.look_around()
+        return any(publisher.startswith(source) for publisher in self._foreign)
+
     @property
     def sources(self) -> list[str]:
         """The publishers, as of the last look."""
@@ -98,13 +111,26 @@ class MatchedSubscription:
     def _look_around(self) -> Sequence[Any]:
         found = self._node.get_publishers_info_by_topic(self._topic)
         self.offered = [info.qos_profile for info in found]
+        self._foreign = [bytes(info.endpoint_gid).hex() for info in found if self._is_other(info)]
         return found
+
+    def _is_other(self, publisher: Any) -> bool:
+        """Whether a publisher has another definition of the type."""
+        told = definition_of(publisher)
+        if told is not None and self._definition is None:
+            there = self._node.get_subscriptions_info_by_topic(self._topic)
+            mine = self._node.get_fully_qualified_name(), type_name(self._type)
+            own = (definition_of(info) for info in there if (full_name(info), info.topic_type) == mine)
+            self._definition = next(own, None)
+        return None not in (told, self._definition) and told != self._definition
 
     def _troubles(self) -> Iterator[str]:
         wanted = type_name(self._type)
         for info in self._publishers:
             if info.topic_type != wanted:
                 yield f"{full_name(info)} publishes it as {info.topic_type}, not as {wanted}"
+            elif self._is_other(info):
+                yield f"{full_name(info)} publishes it by another definition of {wanted} than is installed here"
         if len({profile.durability for profile in self.offered}) > 1:
             yield "its publishers differ in durability: what some have kept for late subscribers is not received"
 
@@ -136,6 +162,12 @@ def type_name(message_type: Any) -> str:
     """What the graph calls a message type."""
     package, kind = message_type.__module__.split(".")[:2]
     return f"{package}/{kind}/{message_type.__name__}"
+
+
+def definition_of(info: Any) -> bytes | None:
+    """What stands for the definition of an endpoint's type; None where that is not told, as before Iron."""
+    told = getattr(info, "topic_type_hash", None)
+    return bytes(told.value) if told is not None and told.version > 0 else None
 
 
 def full_name(info: Any) -> str:

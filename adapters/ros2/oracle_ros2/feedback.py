@@ -73,6 +73,8 @@ class RelayedFeedback:
                 passing = Passing(shared.link, shared.board, stream, shared.clocks)
                 self._queue = ForwardQueue(passing, self._release, lambda message, _: self._settle(message))
         self.subscription = MatchedSubscription(shared.node, message_type, topics[0], self._take)
+        if self.observed is not None:
+            self.observed.is_foreign = self.subscription.is_foreign
 
     @property
     def bypass(self) -> str:

@@ -140,6 +140,7 @@ class IntrospectedAction:
             envelope = impl.FeedbackMessage, "feedback"
             self._feedback = self.observed = Observed(node, streams["feedback"], envelope=envelope)
             self.subscription = MatchedSubscription(node, envelope[0], hidden(name, "feedback"), self._take_feedback)
+            self.observed.is_foreign = self.subscription.is_foreign
         self._statuses: MatchedSubscription | None = None
         if "status" in streams:
             self._status = StatusStream(shared, streams["status"])

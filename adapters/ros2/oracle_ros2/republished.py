@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
 from rclpy.event_handler import PublisherEventCallbacks
 
-from oracle_ros2.endpoints import MATCHING, full_name
+from oracle_ros2.endpoints import MATCHING, definition_of, full_name
 from oracle_ros2.qos import lasts, misfit, same, to_offer
 
 if TYPE_CHECKING:
@@ -184,10 +184,18 @@ class MatchedPublisher:
         if self.bypass:
             yield self.bypass
         for info in self._node.get_subscriptions_info_by_topic(self._topic):
-            reasons = [misfit(one.qos_profile, info.qos_profile) for one in own]
+            reasons = [misfit(one.qos_profile, info.qos_profile) or _unlike(one, info) for one in own]
             if reasons and all(reasons):
                 yield f"{full_name(info)} can't receive {self._topic}: {reasons[0]}"
 
     def _has_own_name(self, info: Any) -> bool:
         mine = (self._node.get_name(), self._node.get_namespace())
         return (info.node_name, info.node_namespace) == mine
+
+
+def _unlike(publisher: Any, subscription: Any) -> str:
+    """Why a subscription does not read what a publisher gives; empty where both have one definition of the type."""
+    definitions = definition_of(publisher), definition_of(subscription)
+    if None in definitions or definitions[0] == definitions[1]:
+        return ""
+    return f"it has another definition of {subscription.topic_type} than is installed here"

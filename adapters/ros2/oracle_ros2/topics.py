@@ -56,6 +56,8 @@ class Observed:
         self.lacking = not_there(stream["type"], lacking(inner, stream.get("reads") or ()))
         """Which fields the spec reads that the type does not have here."""
         self._read = reader(inner, stream["fields"])
+        self.is_foreign: Callable[[str], bool] = lambda _: False
+        """Whether messages of a source are defined otherwise than here: they can't be read."""
         self._numbers = Numbers(on_new)
         self._unread = 0  # messages since the last event
         self.unreadable: dict[str, str] = {}
@@ -82,6 +84,9 @@ class Observed:
         """The event of a message that `missed` has counted; None where it can't be read."""
         source = source_of(info)
         missed += self._unread
+        if self.is_foreign(source):
+            self._unread = missed + 1
+            return None
         try:
             message = deserialize_message(serialized, self.type)
             if self._field:
@@ -112,6 +117,7 @@ class LoggedTopic:
         name = shared.node.resolve_topic_name(shared.names[topic.name])
         self._unheard = shared.node.get_fully_qualified_name() if name in OWN else ""
         self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
+        self.observed.is_foreign = self.subscription.is_foreign
 
     @property
     def received(self) -> int:
@@ -156,6 +162,7 @@ class FilteredTopic:
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self._queue = ForwardQueue(passing, lambda said: self._publisher.publish(*said))
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
+        self.observed.is_foreign = self.subscription.is_foreign
 
     @property
     def received(self) -> int:
