@@ -107,13 +107,16 @@ def test_a_call_that_waits_when_the_adapter_ends_is_denied_and_reaches_nobody(po
         adapter.said("the monitor of /switch ends: call [0-9]+ is answered by denied_response")
 
 
-def test_a_call_of_a_service_that_dies_in_it_is_answered_as_denied(tmp_path: Path) -> None:
+@pytest.mark.parametrize("again", [False, True], ids=["for good", "and is there again"])
+def test_a_call_of_a_service_that_dies_in_it_is_answered_as_denied(again: bool, tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
         adapter, peer, panel = scene.adapter("switch"), scene.peer(), scene.peer()
         service = panel.node.create_service(srv.SetBool, "/switch", lambda _, response: response)
         call = switch(peer)  # the panel never spins, and so never answers
         eventually(lambda: scene.server.events("s"), lambda found: found and found[0]["passed"])
         panel.node.destroy_service(service)
+        if again:
+            panel.node.create_service(srv.SetBool, "/switch", lambda _, response: response)
         assert answered(peer, call) == DENIED
         adapter.said("/switch is not there: call [0-9]+ is answered by denied_response")
         adapter.ends_well()

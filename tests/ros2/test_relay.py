@@ -61,6 +61,41 @@ def test_a_call_waits_longer_for_a_service_that_was_never_there(peer: Peer, monk
     made.destroy()
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_an_answer_that_is_decided_on_is_waited_for_though_its_service_has_ended(
+    again: bool, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    answers: list[Any] = []
+
+    def forward(call: Any) -> None:
+        made.forward(call)
+
+    made = relay.Relay(
+        peer.node,
+        srv.Trigger,
+        "/led",
+        "/led_mon",
+        forward,
+        lambda call, _: answers.append(call),
+    )
+    service = peer.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+    peer.until(lambda: made.is_there, "the service is not discovered")
+    made._serve(srv.Trigger.Request(), lambda response: None)
+    peer.until(lambda: answers, "it is not answered")
+    peer.node.destroy_service(service)
+    if again:
+        peer.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+    else:
+        peer.until(lambda: not made.is_there, "the service does not go")
+    for _ in range(3):
+        assert made.catch_up() == []
+        clock[0] += 2.1
+    assert made.open == answers
+    made.destroy()
+
+
 def test_a_relay_in_another_s_place_numbers_its_calls_otherwise(peer: Peer) -> None:
     numbers = []
     for _ in range(2):

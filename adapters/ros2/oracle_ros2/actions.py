@@ -278,7 +278,7 @@ class ProxiedAction:
         """The calls for results of a server that has ended, though there is another one by now."""
         there = set(self._status.subscription.sources)
         found = []
-        for call in self._results.open:
+        for call in self._results.unanswered:
             servers = self._servers.get(call.number)
             if servers is None or not there:
                 continue

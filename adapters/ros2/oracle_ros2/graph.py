@@ -43,6 +43,12 @@ def hidden(action: str, interface: str) -> str:
     return f"{action}/_action/{interface}"
 
 
+def servers(node: Node, service: str) -> frozenset[bytes]:
+    """Who serves a service by its whole name: the readers of its requests, as DDS has them; empty without DDS."""
+    found = node.get_subscriptions_info_by_topic(f"rq{service}Request", no_mangle=True)
+    return frozenset(bytes(info.endpoint_gid) for info in found)
+
+
 def past_proxy(node: Node, service: str, proxy: str) -> str:
     """Who can call a service without its proxy, and who serves the proxy's name besides `node`; else an empty text.
 

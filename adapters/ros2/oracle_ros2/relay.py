@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable
 from oracle_adapter.calls import call_numbers
 from rclpy.qos import QoSProfile
 
+from oracle_ros2.graph import servers
 from oracle_ros2.loop import Later
 
 if TYPE_CHECKING:
@@ -34,6 +35,12 @@ class Call:
     """When it might go to the service (s); 0 while that is not decided."""
     forwarded: bool = False
     """Whether it has gone to the service."""
+    servers: frozenset[bytes] = frozenset()
+    """Who has got it, where the middleware tells."""
+    left: float | None = None
+    """Since when none of these is there any more (s)."""
+    answered: bool = False
+    """Whether the service has answered, and that is decided on at most."""
 
 
 class Relay:
@@ -54,6 +61,7 @@ class Relay:
         self._early: deque[Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
+        self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
         self._service = node.create_service(service_type, proxy, Later(self._serve), qos_profile=CALLS)
 
@@ -67,6 +75,11 @@ class Relay:
         """The calls without an answer."""
         with self._lock:
             return list(self._open.values())
+
+    @property
+    def unanswered(self) -> list[Call]:
+        """Those of them that the service has not answered either."""
+        return [call for call in self.open if not call.answered]
 
     def forward(self, call: Call) -> bool:
         """Call the service once it is there; False where the call has its answer already."""
@@ -96,6 +109,7 @@ class Relay:
     def catch_up(self) -> list[Call]:
         """Go on with calls that wait for the service, and return those that have waited for too long.
 
+        So have those whose server has ended, though there is another one by now.
         To be called often, where callbacks run.
         """
         if not self._open:
@@ -106,10 +120,10 @@ class Relay:
             self._away, self._patience = None, DISCOVERY
             while self._early:
                 self._forward(self._early.popleft())
-            return []
+            return self._left_alone(now)
         self._away = since = self._away or now
         # those that came while it was away have their time too
-        return [call for call in self.open if call.allowed and now - max(call.allowed, since) > self._patience]
+        return [call for call in self.unanswered if call.allowed and now - max(call.allowed, since) > self._patience]
 
     def destroy(self) -> None:
         """Serve no more."""
@@ -126,6 +140,19 @@ class Relay:
         with self._lock:
             if call.number not in self._open:
                 return
-            call.forwarded = True
+            call.forwarded, call.servers = True, servers(self._node, self._served)
             answered = self._client.call_async(call.request)
-        answered.add_done_callback(lambda done: self._on_response(call, done.result()))
+
+        def take(done: Any) -> None:
+            call.answered = True
+            self._on_response(call, done.result())
+
+        answered.add_done_callback(take)
+
+    def _left_alone(self, now: float) -> list[Call]:
+        """The calls whose servers have ended for so long that no answer of theirs is on its way."""
+        there, unanswered = servers(self._node, self._served), self.unanswered
+        for call in unanswered:
+            if call.servers:
+                call.left = None if call.servers & there else call.left or now
+        return [call for call in unanswered if call.left is not None and now - call.left > DISCOVERY]
