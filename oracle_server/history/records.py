@@ -49,7 +49,8 @@ class Elsewhere(NamedTuple):
     """Which server of those that share a history has a session open; `url` is where monitors reach it, if it is known.
 
     `here`: it is this one. `lasting`: its lease has not run out, so that it may judge; else another one takes over.
-    `beside`: this one only reads the history of the other, a process of this machine.
+    `beside`: this one only reads the history of the other, a process of this machine. `own`: what a session that is
+    forwarded from a robot is called there, if that is known.
     """
 
     node: str
@@ -57,6 +58,7 @@ class Elsewhere(NamedTuple):
     here: bool
     lasting: bool
     beside: bool = False
+    own: str | None = None
 
 
 class Forwarding(NamedTuple):

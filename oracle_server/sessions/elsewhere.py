@@ -44,10 +44,10 @@ class Others:
         It names the other one's address, if it is known. A robot's session is never joined here. A session of this
         server that has no record yet is one that is being opened. Raises `HistoryError`.
         """
+        place = await self._history.elsewhere(name)
         if (origin := origin_of(name)) is not None:
             why = f"'{name}' names a session of '{origin}', which is only read here: attach to the server there, where "
-            return WireError("bad_attach", f"{why}it is '{own_name(name)}'", fatal=True)
-        place = await self._history.elsewhere(name)
+            return WireError("bad_attach", f"{why}it is '{_own(name, place)}'", fatal=True)
         if place is None or (place.here and not known):
             return None
         url = place.url if place.lasting and not place.here else None
@@ -57,8 +57,9 @@ class Others:
         """Raise `OtherServerError` where another server has a session."""
         place = await self._history.elsewhere(name)
         if place is not None and not place.here:
-            if origin_of(name) is not None:
-                raise OtherServerError(_forwarded(name))
+            if (origin := origin_of(name)) is not None:
+                where = f"is forwarded from '{origin}': only the server there can do this, where it is"
+                raise OtherServerError(f"session '{name}' {where} '{_own(name, place)}'")
             raise OtherServerError(f"session '{name}' is {_where(place)}; only that one can do this")
 
     async def left(self, name: str) -> Left | None:
@@ -119,11 +120,9 @@ def _monitor(name: str, attached: bool, connected: bool) -> Document:
     return {"name": name, "attached": attached, "connected": connected, "next": None, "credit": None, "streams": []}
 
 
-def _forwarded(name: str) -> str:
-    return (
-        f"session '{name}' is forwarded from '{origin_of(name)}': only the server there can do this, where it is "
-        f"'{own_name(name)}'"
-    )
+def _own(name: str, place: Elsewhere | None) -> str:
+    """What a robot's session is called there: at the centre, another one may have had its name before."""
+    return (place and place.own) or own_name(name)
 
 
 def _where(place: Elsewhere) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from operator import eq
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 from tests.history.backends import postgres
 from tests.postgres import Postgres
 from tests.processes import eventually
-from tests.whole.client import attached, make_event
+from tests.whole.client import attached, connected, make_attach, make_event
 from tests.whole.conftest import copy_specs
 from tests.whole.harness import Server, problem
 
@@ -93,3 +95,19 @@ async def test_a_session_of_a_robot_that_is_not_heard_can_be_closed_and_goes_on_
         close(robot, "s1")
         state = forwarded(centre, status="closed", closed_because="by request", trouble=None)
         assert (state["steps"], state["violations"]) == (4, 2)
+
+
+async def test_who_asks_for_a_session_that_another_disk_had_the_name_of_is_told_its_name_at_the_robot(
+    url: str, specs: Path, centre: Server, tmp_path: Path
+) -> None:
+    for sessions, disk in enumerate(("old", "new"), 1):
+        with Server(specs, tmp_path / disk, ORACLE_FORWARD=url, ORACLE_ORIGIN="robot7") as robot:
+            await drive(robot, 1)
+            eventually(lambda: len(centre.get("sessions", origin="robot7")["items"]), partial(eq, sessions))
+    for name in ("s1", "s1.1"):
+        refused = problem(centre.http.delete(f"/api/v1/sessions/{name}@robot7"), 409)
+        assert refused["detail"].endswith("where it is 's1'")
+        async with connected(centre) as monitor:
+            await monitor.send(make_attach(session=f"{name}@robot7", spec="single"))
+            ((error,), _) = await monitor.closed()
+        assert error["message"].endswith("where it is 's1'")

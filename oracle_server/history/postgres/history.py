@@ -134,7 +134,7 @@ class PostgresHistory(SqlHistory):
         """Which node has a session that is open, by its id; None where it is closed or unknown."""
         if (origin := origin_of(name)) is not None:
             found = await self._lookups.one(tuple, sharing.FORWARDED_OPEN, (name,))
-            return None if found is None else Elsewhere(origin, None, here=False, lasting=True)
+            return None if found is None else Elsewhere(origin, None, here=False, lasting=True, own=found[0])
         return await self._lookups.one(self._place, sharing.WHERE_IS, (name,))
 
     async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:

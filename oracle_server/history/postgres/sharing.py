@@ -52,7 +52,10 @@ WHERE_IS = (
     "AND NOT EXISTS (SELECT 1 FROM sessions s WHERE s.number = o.session AND s.closed IS NOT NULL)"
 )
 """Nobody has a closed session, though a server that was killed may have left its row."""
-FORWARDED_OPEN = "SELECT 1 FROM sessions WHERE id = ? AND closed IS NULL"
+FORWARDED_OPEN = (
+    "SELECT f.own FROM sessions s LEFT JOIN forwarded f ON f.session = s.number WHERE s.id = ? AND s.closed IS NULL"
+)
+"""Its name at the robot, as far as that is known."""
 FORWARDED = """
 SELECT f.session, f.gaps, f.ended IS NOT NULL, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
     THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END
