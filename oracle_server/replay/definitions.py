@@ -23,8 +23,8 @@ uint8[16] client_gid
 int64 sequence_number
 """
 _TIME = "int32 sec\nuint32 nanosec\n"
-_READ = frozenset({"ros1msg", "ros2msg", "ros2idl"})
-"""The kinds of definitions that are read; what has one of another kind is known by its name alone."""
+_READ = frozenset({"ros1msg", "ros2msg", "ros2idl", ""})
+"""The kinds of definitions that are read, or may be where that is not told; others are known by their name alone."""
 _SERIALIZATIONS = frozenset({"cdr", "ros1"})
 """How the messages that are read are serialized."""
 _WIDE = re.compile(r"^\s*wstring\b", re.MULTILINE)
@@ -75,7 +75,9 @@ def types_of(channel: Channel, known: Typestore, given: TypesByName | None = Non
 
 def type_name(name: str) -> str:
     """What a type is called among types of messages, as are those of a service's events and of what an action sends."""
-    package, _, rest = name.partition("/")
+    package, divided, rest = name.partition("/")
+    if not divided:
+        return name
     if "/" not in rest or rest.startswith("action/") or (rest.startswith("srv/") and rest.endswith(EVENT)):
         return f"{package}/msg/{rest.rpartition('/')[2]}"
     return name
@@ -94,11 +96,11 @@ def _defined(channel: Channel) -> TypesByName:
     Raises `UnreadDefinitionError` where it is of one that is, and can't be.
     """
     text = lines_of(channel)
+    if channel.encoding not in _READ or (not text.strip() and channel.encoding in ("ros2msg", "")):
+        return {}
     try:
         if channel.encoding == "ros2idl":
             return _from_idl(text)
-        if not text.strip() and channel.encoding != "ros1msg":
-            return {}
         head, *parts = text.split(RULE)
         if channel.type.endswith(EVENT) and "/srv/" in channel.type:
             lines = head.splitlines()
@@ -109,7 +111,7 @@ def _defined(channel: Channel) -> TypesByName:
             return _event(channel.type, halves, parts)
         return dict(get_types_from_msg(text, channel.type))
     except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed definition
-        if channel.encoding not in _READ:
+        if not channel.encoding:
             return {}
         reason = one_line(str(error).strip()) or type(error).__name__
         raise UnreadDefinitionError(f"the recording's definition of {channel.type} can't be read: {reason}") from None

@@ -55,6 +55,18 @@ def test_a_definition_of_a_kind_that_is_not_read_leaves_what_is_known(encoding: 
     assert "std_msgs/msg/String" in types.fielddefs
 
 
+@pytest.mark.parametrize("text", ["module std_msgs { };\n", "String data\n", "int64 data\n"])
+def test_a_definition_of_a_kind_that_is_not_read_is_not_taken_for_one_that_is(text: str) -> None:
+    types = types_of(channel("std_msgs/msg/String", text, "omgidl"), KNOWN)
+    assert types.fielddefs["std_msgs/msg/String"] == KNOWN.fielddefs["std_msgs/msg/String"]
+
+
+@pytest.mark.parametrize("name", ["Float64", "foxglove.Pose"])
+def test_a_name_without_a_package_is_told_as_it_is(name: str) -> None:
+    """As those of messages in JSON or protobuf."""
+    assert type_name(name) == name
+
+
 @pytest.mark.parametrize("encoding", ["ros1msg", "ros2msg"])
 @pytest.mark.parametrize("ending", ["\n", "\r\n"])
 def test_lines_of_a_definition_end_in_either_way(encoding: str, ending: str) -> None:
