@@ -1,32 +1,57 @@
-"""Properties of what comes often enough that can't see that nothing comes: what else they read is gone by then."""
+"""Properties of what comes often enough that can't see that nothing comes.
+
+What else they read is gone by then, or they are judged at messages alone.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 
+from oracle_server.core.comparisons import turned
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.lacking import lacking
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import looks_ahead
+from oracle_server.core.formula.tree import (
+    STEP,
+    Atom,
+    Forall,
+    Formula,
+    Implies,
+    Not,
+    Signal,
+    children,
+)
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.lacks import quoted
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.withholding import lasting, present, without_signals
 
+_MORE = {"age": (">", ">="), "rate": ("<", "<="), "count": ("<", "<=")}
+"""The comparisons that silence makes true; it makes the others of these signals false."""
+
 
 def unseen_silence(spec: Spec) -> Iterator[SpecProblem]:
-    """Warnings of properties over an age, or of patterns of what comes often enough, that no deadline violates."""
+    """Warnings of properties that say how long nothing may come, and that no deadline violates."""
     for i, prop in enumerate(spec.properties):
-        if prop.time != "seconds" or prop.numeric or prop.external or looks_ahead(prop.formula):
+        if prop.numeric or prop.external or looks_ahead(prop.formula):
             continue
         names = frozenset(spec.derived_of(prop))
         reads = [each for each in spec.derive if each.name in names]
-        measured = {measure.name for measure in prop.measures if measure.op == "rate"}
-        awaits = any(each.op == "age" or each.name in measured for each in reads)
-        gone = _gone(spec, prop, reads) if awaits else set()
-        if gone and (prop.measures or not gone & RESERVED):
-            message = f"formula of '{prop.id}': no deadline violates it, so that silence is not told: {_mend(gone)}"
+        why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads)
+        if why:
+            message = f"formula of '{prop.id}': no deadline violates it, so that silence is not told: {why}"
             yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="vacuous")
+
+
+def _why_gone(spec: Spec, prop: Property, reads: Iterable[Definition]) -> str:
+    """What a property over an age, or a pattern of what comes often enough, lacks at its deadlines; empty for none."""
+    measured = {measure.name for measure in prop.measures if measure.op == "rate"}
+    if prop.time != "seconds" or not any(each.op == "age" or each.name in measured for each in reads):
+        return ""
+    gone = _gone(spec, prop, reads)
+    return _mend(gone) if gone and (prop.measures or not gone & RESERVED) else ""
 
 
 def _mend(gone: set[str]) -> str:
@@ -49,3 +74,61 @@ def _gone(spec: Spec, prop: Property, reads: Iterable[Definition]) -> set[str]:
     lacks = lacking(spec.derive, kept.__contains__)
     keys = {c.key for atom in prop.atoms for c in atom.constraints} - kept
     return {name for key in keys for name in lacks.get(key, (key,))}
+
+
+def _why_at_messages(spec: Spec, prop: Property, reads: Iterable[Definition]) -> str:
+    """Why a property that silence would violate is judged at messages alone; empty where it is not, or is meant to be.
+
+    One that guards is asked at what it guards.
+    """
+    is_sentence = prop.says == "pattern" and not re.search(r"\balways\b", prop.text)
+    if prop.time == "seconds":
+        formula = _at_steps(prop.formula) if is_sentence and not prop.measures else None
+    else:
+        formula = None if prop.time_given or prop.guards or prop.engine == "reelay" else prop.formula
+    if formula is None:
+        return ""
+    growing = {each.name: _MORE[each.op] for each in reads if each.op in _MORE and each.changes}
+    quiet = without_signals(lasting(spec, {by for each in reads if each.name in growing for by in each.by}))
+    if present(formula, quiet) is True:
+        return ""
+    broken = {
+        c.key
+        for atom, wanted in _signed(formula)
+        if quiet(atom) is not False
+        for one in atom.constraints
+        for c in ((one, turned(one)) if isinstance(one.value, Signal) else (one,))
+        if c.key in growing and c.op not in ("==", "!=") and (c.op in growing[c.key]) is not wanted
+    }
+    if not broken:
+        return ""
+    while_silent = f"{quoted(sorted(broken))} {'changes' if len(broken) == 1 else 'change'} while no message comes"
+    if is_sentence:
+        mend = "write what must hold with `always`, as `always not {…}`, and `time: seconds`"
+        return f"{while_silent}, and such a pattern is about messages; {mend}"
+    return f"{while_silent}, and steps are messages; write `time: seconds`"
+
+
+def _at_steps(formula: Formula) -> Formula | None:
+    """What a sentence says of steps alone; None where it says it of deadlines, too."""
+    match formula:
+        case Forall(_, body):
+            return _at_steps(body)
+        case Implies(left, right) if left == STEP:
+            return right
+    return None
+
+
+def _signed(node: Formula, *, wanted: bool = True) -> Iterator[tuple[Atom, bool]]:
+    """The atoms, each with whether it is wanted that it holds, or that it does not."""
+    match node:
+        case Atom():
+            yield node, wanted
+        case Not(operand):
+            yield from _signed(operand, wanted=not wanted)
+        case Implies(left, right):
+            yield from _signed(left, wanted=not wanted)
+            yield from _signed(right, wanted=wanted)
+        case _:
+            for part in children(node):
+                yield from _signed(part, wanted=wanted)

@@ -131,6 +131,7 @@ class Property:
     text: str = ""
     description: str = ""
     time: Time = "steps"
+    time_given: bool = False
     guards: frozenset[str] = frozenset()
     blame: Literal["any", "caused"] = "any"
     blame_given: bool = False

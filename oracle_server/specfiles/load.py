@@ -236,6 +236,7 @@ def _make(model: PropertyModel, formula: Formula, text: str, external: External 
         text=text,
         description=model.description,
         time=model.time,
+        time_given="time" in model.model_fields_set,
         guards=frozenset(model.guards),
         blame=model.blame,
         blame_given="blame" in model.model_fields_set,

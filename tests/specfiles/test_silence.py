@@ -1,0 +1,119 @@
+"""What `check` says of properties that say how long nothing may come, and are judged at messages alone."""
+
+from __future__ import annotations
+
+import pytest
+
+from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.plan import plan
+from oracle_server.core.session import Session
+from oracle_server.engines.table import make_engines
+from oracle_server.specfiles.load import parse_spec
+from tests.strategies import SECOND
+
+SPEC = """\
+id: t
+streams:
+  - {{topic: /scan}}
+  - {{topic: /odom, action: filter}}
+  - {{topic: /mode, signals: {{mode: msg.data}}, hold: [mode]}}
+  - {{topic: /limit, signals: {{limit: msg.data}}, hold: [limit]}}
+derive:
+  idle: {{age: '{{topic: /scan}}'}}
+  often: {{rate: '{{topic: /scan}}', over: 2s}}
+  lately: {{count: '{{topic: /scan}}', over: 2s}}
+  last_ten: {{count: '{{topic: /scan}}', over: 10}}
+properties:
+  - id: others
+    formula: '{{topic: /odom}} -> {{idle: *, often: *}} or {{lately: *, last_ten: *}}'
+    guards: [/odom]
+    blame: any
+  - {{id: p, {prop}}}
+"""
+
+
+def told(prop: str) -> list[str]:
+    found = parse_spec(SPEC.format(prop=prop), "s.yaml").warnings
+    return [each.message for each in found if "silence is not told" in each.message]
+
+
+@pytest.mark.parametrize(
+    ("prop", "what"),
+    [
+        ("formula: '{idle <= 1}'", "idle"),
+        ("formula: 'not {idle > 1}'", "idle"),
+        ("formula: '{mode: AUTO} -> {idle < limit}'", "idle"),
+        ("formula: '{mode: AUTO} -> not {limit < idle}'", "idle"),
+        ("formula: 'not {often < 5}'", "often"),
+        ("formula: '{idle > 1} -> {mode: STOP}'", "idle"),
+        ("formula: '{lately >= 2} and {idle <= 1}'", "idle` and `lately"),
+        ("pattern: 'always {idle <= 1}'", "idle"),
+        ("requirement: 'The robot shall always satisfy {idle <= 1}'", "idle"),
+    ],
+)
+def test_one_that_counts_steps_is_judged_at_messages_alone(prop: str, what: str) -> None:
+    (found,) = told(prop)
+    change = "change" if " and " in what else "changes"
+    assert found.endswith(f"`{what}` {change} while no message comes, and steps are messages; write `time: seconds`")
+    assert told(f"{prop}, time: seconds") == []
+    assert told(f"{prop}, time: steps") == []
+
+
+@pytest.mark.parametrize("time", ["", ", time: seconds"])
+@pytest.mark.parametrize(
+    "prop",
+    [
+        "pattern: 'no {idle > 1}'",
+        "pattern: 'while {mode: AUTO}: no {idle > 1}'",
+        "pattern: 'after /odom until /mode: no ({idle > 1} or {often < 3})'",
+        "pattern: 'forall[m]. {mode: *m} requires {idle < 1}'",
+    ],
+)
+def test_a_pattern_that_is_about_messages_is_told_to_be_written_with_always(prop: str, time: str) -> None:
+    (found,) = told(prop + time)
+    mend = "write what must hold with `always`, as `always not {…}`, and `time: seconds`"
+    assert found.endswith(f"while no message comes, and such a pattern is about messages; {mend}")
+
+
+@pytest.mark.parametrize(
+    "prop",
+    [
+        "formula: '{topic: /odom} -> {idle <= 1}'",  # it is asked at /odom alone
+        "pattern: 'no {topic: /odom, idle > 1}'",
+        "pattern: '/odom requires {idle < 1} within 5s'",
+        "pattern: 'no /odom'",
+        "formula: '{idle <= 1}', guards: [/odom]",  # it is asked at what it guards
+        "formula: 'not {idle < 0.1}'",  # silence does not break it
+        "formula: 'not {often > 20}'",
+        "formula: '{lately <= 2}'",
+        "formula: 'not {last_ten < 3}'",  # time does not change it
+        "formula: 'first -> eventually[:5] {idle < 1}'",
+        "pattern: '/scan every 2s'",
+        "pattern: '/scan at least 3 Hz over 2s'",
+    ],
+)
+def test_nothing_is_said_of_what_is_meant_of_messages(prop: str) -> None:
+    assert told(prop) == []
+
+
+@pytest.mark.parametrize(
+    ("prop", "violated"),
+    [
+        ("formula: '{idle <= 1}'", False),
+        ("pattern: 'no {idle > 1}'", False),
+        ("pattern: 'no {idle > 1}', time: seconds", False),
+        ("formula: '{idle <= 1}', time: seconds", True),
+        ("pattern: 'always not {idle > 1}', time: seconds", True),
+    ],
+)
+def test_what_is_said_is_so(prop: str, *, violated: bool) -> None:
+    ready = plan(parse_spec(SPEC.format(prop=prop), "s.yaml").spec)
+    session = Session(ready, make_engines(ready), begun=SECOND)
+    session.attach("m", ready.spec.by_key, SECOND)
+    judged = session.ingest(Event(StreamKey("/scan", "topic"), "m", 1, SECOND, SECOND, {}))
+    for at in range(2, 90):
+        judged += session.advance(at * SECOND)
+    judged += session.ingest(Event(StreamKey("/scan", "topic"), "m", 2, 90 * SECOND, 90 * SECOND, {}))
+    judged += session.advance(95 * SECOND)
+    outcomes = [row.verdicts[1].outcome.value for row in judged]
+    assert ("currently_false" in outcomes) is violated
