@@ -7,6 +7,8 @@ import re
 from oracle_server.core.formula.around import RELATED, Around
 
 _COMPARISONS = {"=>": ">=", "<>": "!="}
+_LONGEST = 40
+"""Characters of a number that is told otherwise."""
 TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 """A comparison with its sides turned round."""
 
@@ -18,6 +20,7 @@ def of_atom(found: Around) -> str:
     for cause in (
         _of_word,
         _of_stream,
+        _of_digits,
         _of_number,
         _of_sign,
         _of_comparison,
@@ -55,6 +58,17 @@ def _of_stream(found: Around) -> str:
     if found.last() in ("topic", "service"):
         return f"a `:` is missing: write `{found.last()}: {name}`"
     return f"a stream stands behind `topic:` or `service:`: write `{{topic: {name}, speed > 1}}`"
+
+
+def _of_digits(found: Around) -> str:
+    """A whole number as programs write it, as `0x1F` or `1_000`."""
+    text = found.last() + found.next()
+    if found.before[-1].kind != "number" or found.kind() != "word" or len(text) > _LONGEST:
+        return ""
+    try:
+        return f"a number is written in decimal digits alone: write `{int(text, 0)}` for `{text}`"
+    except ValueError:
+        return ""
 
 
 def _of_number(found: Around) -> str:
