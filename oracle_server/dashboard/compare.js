@@ -63,9 +63,11 @@ function shown(sides) {
   const most = Math.max(1, ...sides.map((side) => side.length));
   const differing = Object.fromEntries(names.map((name) => [name, firstOf(sides, name)]));
   const first = Object.entries(differing).filter(([, each]) => each).sort(([, one], [, next]) => one.since - next.since)[0];
+  const gone = sides.filter(isCut).map(({ state }) => state.id);
   return [
+    gone.length ? h("p", { class: "complaint" }, `Not all episodes of ${gone.join(" and ")} are kept any more: what differs in those that are gone is not known.`) : null,
     h("p", { class: "first" }, first ? [h("strong", {}, "What differs first: "), sentence(sides, ...first)]
-      : [h("strong", {}, "No episode differs. "), together(sides)]),
+      : [h("strong", {}, gone.length ? "No episode that is kept differs. " : "No episode differs. "), together(sides)]),
     h("div", { class: "sides" }, sides.map((side, i) => headed(side, i))),
     h("p", { class: "hint" }, `Times are from each session's first step; lanes reach to ${span(most)}, the upper one is ${sides[0].state.id}. Episodes that are at most ${span(NEAR)} apart are taken as the same.`,
       sides.some(({ episodes }) => episodes.length === MOST) ? ` Only the first ${MOST} episodes of each are compared.` : ""),
@@ -81,6 +83,12 @@ function shown(sides) {
 function headed({ state, first, length }, i) {
   return h("p", {}, i ? "below: " : "above: ", h("a", { href: at(state.id) }, state.id), ` ${life({ ...state, since: state.without_monitor_since })}, judged by `,
     h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec), `, first step ${moment(first || null, state.clock)}, ${span(length)} long, ${state.counters.steps} steps`);
+}
+
+/** Whether a session had violations that are in none of its episodes: they were deleted with their events. */
+function isCut({ state, episodes }) {
+  const known = ({ id, order }) => episodes.filter((each) => each.property === id && each.order === order).reduce((sum, each) => sum + each.count, 0);
+  return episodes.length < MOST && state.properties.some((each) => each.violations > known(each));
 }
 
 /** What came of a property in a session. */

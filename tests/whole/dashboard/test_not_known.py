@@ -177,3 +177,21 @@ async def test_what_is_judged_in_part_alone_is_not_said_to_hold(
     card = page.locator(".now .card").first
     await expect(card).to_contain_text("Its property holds as far as is known")
     await expect(card).to_have_attribute("data-state", "not known")
+
+
+async def test_sessions_whose_episodes_are_gone_are_not_called_alike(start: Starts, page: Page) -> None:
+    server = start(ORACLE_RETAIN_CHECK="0.05", ORACLE_RETAIN_EVENTS="300")
+    for session, wrong in (("failed", 5), ("sound", None)):
+        async with attached(server, session=session, spec="single") as monitor:
+            await monitor.send(
+                make_events(*(make_event(n, at=n, data={"v": 99 if n == wrong else 1}) for n in range(1, 601)))
+            )
+            await monitor.acked(600)
+    await server.until(lambda: server.get("sessions/failed/episodes")["items"], lambda found: not found)
+    await page.goto(f"{server.url}/#/compare/failed/sound")
+    compared = page.locator("section.compared")
+    await expect(compared).to_contain_text("Not all episodes of failed are kept any more")
+    await expect(compared).not_to_contain_text("No episode differs")
+    await page.goto(f"{server.url}/#/compare/sound/sound")
+    await expect(compared).to_contain_text("No episode differs")
+    await expect(compared.locator(".complaint")).to_have_count(0)
