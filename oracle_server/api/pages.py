@@ -64,12 +64,12 @@ def _add_dashboard(routes: APIRouter, folder: Traversable) -> None:
 
 def _add_docs(routes: APIRouter, folder: Traversable) -> None:
     page = bytes(
-        get_swagger_ui_html(
-            openapi_url="/openapi.json",
+        get_swagger_ui_html(  # addresses are relative, so that it works behind a proxy that puts a path before them
+            openapi_url="openapi.json",
             title="oracle-server",
-            swagger_js_url="/docs/swagger-ui-bundle.js",
-            swagger_css_url="/docs/swagger-ui.css",
-            swagger_favicon_url="/docs/favicon.png",
+            swagger_js_url="docs/swagger-ui-bundle.js",
+            swagger_css_url="docs/swagger-ui.css",
+            swagger_favicon_url="docs/favicon.png",
         ).body
     )
     _add_file(routes, "/docs", page, "text/html", _DASHBOARD | {"Content-Security-Policy": _docs_policy(page.decode())})
