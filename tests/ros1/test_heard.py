@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Bool
 
 from tests.processes import eventually
 from tests.robot import spec_folder
@@ -62,3 +64,27 @@ def test_a_publisher_that_does_not_say_its_name_is_heard(tmp_path: Path) -> None
         scene.run("nameless", sys.executable, "-c", NAMELESS)
         [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
         assert (violation["property"], violation["stream"]) == ("small", "/number")
+
+
+MISSPELT = """
+id: misspelt
+streams:
+  - topic: /estops
+    type: std_msgs/Bool
+    signals: {pressed: msg.data}
+properties:
+  - {id: never_pressed, formula: 'not {pressed}'}
+"""
+
+
+def test_a_topic_that_nobody_publishes_is_told_with_what_it_is_called_here(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, MISSPELT)) as scene:
+        adapter, peer = scene.adapter("misspelt"), scene.peer()
+        peer.advertise(Bool, "/estop", listeners=0)
+        text = "nobody publishes /estops; did you mean /estop?"
+        adapter.said(re.escape(f"/estops: {text}"))
+        eventually(
+            lambda: [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]], [text].__eq__
+        )
+        peer.advertise(Bool, "/estops")
+        adapter.said("/estops: recovered")

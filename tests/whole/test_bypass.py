@@ -97,6 +97,18 @@ async def test_people_are_told_what_is_degraded_and_a_monitor_that_leaves_tells_
     assert not any(caveats(server).values())
 
 
+async def test_people_are_told_what_else_is_wrong_with_a_stream(start: Starts) -> None:
+    server = start(**PATIENT)
+    async with attached(server, session="s", spec="bypassed") as monitor:
+        trouble = {"stream": "/a", "kind": "topic", "trouble": "nobody publishes /a; did you mean /A?"}
+        await monitor.send({"type": "report", "streams": [trouble]}, make_event(1, "/b"))
+        await monitor.send(make_clock("/a", at=9), make_clock("/b", at=9))
+        await monitor.acked(1)
+        for words in (("sessions",), ("verdicts", "s")):
+            shown = (await asyncio.to_thread(run, *words, ORACLE_URL=server.url)).stdout
+            assert "/a: nobody publishes /a; did you mean /A?\n" in shown
+
+
 async def test_a_new_process_that_does_not_claim_a_stream_knows_nothing_of_its_bypass(start: Starts) -> None:
     server = start(**PATIENT)
     async with attached(server, session="s", spec="bypassed", instance="one") as monitor:

@@ -35,6 +35,10 @@ def graph_name(monitor: str) -> str:
     return "".join(f"/_{part}" if part[0].isdigit() else f"/{part}" for part in parts) or "/monitor"
 
 
+_FINE = (OK, "recovered")
+"""The level and the text of a stream with which nothing is wrong any more."""
+
+
 class Board:
     """Takes the link's news and what was done with events, and shows it on a screen."""
 
@@ -49,7 +53,7 @@ class Board:
         self._recent = Recent(clock)
         self._attached, self._detail = False, "not attached yet"
         self._properties: Mapping[str, Mapping[str, Any]] = {}
-        self._troubles: Dict[str, str] = {}
+        self._troubles: Dict[str, Tuple[int, str]] = {}  # the level and the text
         self._failures: Dict[str, int] = {}  # events that could not be passed on, by stream
         self._shown: List[Tuple[str, int, str]] = []
         self._shown_at = -DIAGNOSTICS_PERIOD
@@ -132,25 +136,27 @@ class Board:
         """Show an error of the adapter's own."""
         self._screen.error(text)
 
-    def trouble(self, subject: str, text: str) -> bool:
-        """Show what is wrong with a stream, an empty text for nothing; return whether it is new."""
+    def trouble(self, subject: str, text: str, doubt: str = "") -> bool:
+        """Show what is wrong with a stream, an empty text for nothing; return whether it is new.
+
+        `doubt`: what may be wrong, which is a warning where nothing else is wrong.
+        """
+        now = (ERROR, text) if text else (WARN, doubt) if doubt else _FINE
         with self._lock:
-            before = self._troubles.get(subject, "")
-            if text or before:
-                self._troubles[subject] = text
-        if text == before:
+            before = self._troubles.get(subject, _FINE)
+            if now != _FINE or subject in self._troubles:
+                self._troubles[subject] = now
+        if now == before:
             return False
-        if text:
-            self._screen.error(f"{subject}: {text}")
-        else:
-            self._screen.info(f"{subject}: recovered")
+        show = self._screen.error if text else self._screen.info
+        show(f"{subject}: {now[1]}")
         return True
 
     def keep(self, subjects: Iterable[str]) -> None:
         """Forget what was wrong with all other streams, as they are not observed any more."""
         kept = set(subjects)
         with self._lock:
-            self._troubles = {name: text for name, text in self._troubles.items() if name in kept}
+            self._troubles = {name: told for name, told in self._troubles.items() if name in kept}
 
     def tick(self, stats: Stats) -> None:
         """Show diagnostics where they changed, else every second; call it ten times a second."""
@@ -208,6 +214,6 @@ class Board:
 
     def _trouble_statuses(self) -> List[Status]:
         return [
-            Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "recovered")
-            for name, text in self._troubles.items()
+            Status(f"{self._monitor}: {name}", level, text)
+            for name, (level, text) in self._troubles.items()
         ]

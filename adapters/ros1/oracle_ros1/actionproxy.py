@@ -33,6 +33,8 @@ UNDERWAY = 0.2
 class ProxiedAction:
     """Serves an action under the proxy's name, and is a client of its server."""
 
+    unpublished = ""
+
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
         first = next(iter(action.streams.values()))

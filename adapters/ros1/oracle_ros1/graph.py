@@ -113,6 +113,11 @@ class Graph:
         others = sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
         return [f"{node} publishes {topic} past the monitor" for node in others]
 
+    def published(self) -> List[str]:
+        """The topics that other nodes than this one published when the master was last asked."""
+        own = rospy.get_name()
+        return [topic for topic, nodes in self._publishers.items() if set(nodes) - {own}]
+
     def not_serving(self, service: str) -> str:
         """Why calls of a service of this node's do not reach it, as last read from the master; empty where they do.
 

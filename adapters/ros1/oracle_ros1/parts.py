@@ -46,6 +46,10 @@ class Part(Protocol):
     def bypass(self) -> str:
         """What lets events past the monitor, as of the last look; empty where nothing does."""
 
+    @property
+    def unpublished(self) -> str:
+        """That nobody publishes a topic, as of the last look; empty for services and actions."""
+
     def look(self) -> str:
         """What is wrong, empty for nothing; to be called from time to time."""
 

@@ -41,6 +41,8 @@ class ProxiedService:
     A call that is denied, or that the service fails, is an error at the client: ROS 1 has errors of services.
     """
 
+    unpublished = ""
+
     def __init__(self, shared: Shared, service: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
         self._link, self._now, self._graph, self._name = shared.link, shared.now, shared.graph, service.name

@@ -12,6 +12,7 @@ from oracle_adapter import PROXY
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import OWN, Interface
 from oracle_adapter.passing import Passing
+from oracle_adapter.unpublished import Unpublished
 
 from oracle_ros1.latches import Latches, latching
 from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, headers
@@ -28,13 +29,21 @@ class LoggedTopic:
     def __init__(self, shared: Shared, topic: Interface) -> None:
         self._link, self._observed = shared.link, Observed(topic.first, shared.now)
         self.streams = [self._observed]
-        name = rospy.resolve_name(shared.names[topic.name])
+        self._graph, name = shared.graph, rospy.resolve_name(shared.names[topic.name])
         self._unheard = rospy.get_name() if name in OWN else None
+        self._silence = Unpublished(name)
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
         """Read its publishers' connection headers, and return what is wrong."""
-        return "; ".join(self._observed.troubles(headers(self._subscriber)))
+        publishers = headers(self._subscriber)
+        self._silence.look(lambda: bool(publishers), self._graph.published)
+        return "; ".join(self._observed.troubles(publishers))
+
+    @property
+    def unpublished(self) -> str:
+        """That nobody publishes it, as of the last look."""
+        return self._silence.text
 
     def stop(self) -> None:
         """Take no more."""
@@ -72,6 +81,7 @@ class FilteredTopic:
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
+        self._silence = Unpublished(rospy.resolve_name(taken))
         self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
         self._latches = Latches(lambda: headers(self._subscriber))
         self._publisher: Optional[rospy.Publisher] = None
@@ -90,6 +100,7 @@ class FilteredTopic:
         What it gives is published from here on, so that there are subscribers before the first message.
         """
         publishers = headers(self._subscriber)
+        self._silence.look(lambda: bool(publishers), self._graph.published)
         found = [self._prepared(header) for header in publishers]
         self._latches.forget()
         if self._publisher is not None:
@@ -99,6 +110,11 @@ class FilteredTopic:
         past = self._graph.past(self._given)
         self.bypass = "; ".join(past)
         return "; ".join([*troubles, *past])
+
+    @property
+    def unpublished(self) -> str:
+        """That nobody publishes what it takes, as of the last look."""
+        return self._silence.text
 
     def stop(self) -> None:
         """Take and forward no more."""

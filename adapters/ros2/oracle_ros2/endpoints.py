@@ -9,6 +9,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
+from oracle_adapter.unpublished import Unpublished
 from rclpy.event_handler import SubscriptionEventCallbacks
 
 from oracle_ros2.numbering import is_numbered
@@ -47,6 +48,7 @@ class MatchedSubscription:
         self._looked_for: set[str] = set()
         self._subscriptions: list[Any] = []
         self._came: deque[int] = deque(maxlen=DEPTH)  # when the last ones without numbers were published (ns)
+        self.unpublished = Unpublished(node.resolve_topic_name(topic))
         self._publishers = self._look_around()
         self._subscribe(to_request(self.offered))
 
@@ -56,6 +58,7 @@ class MatchedSubscription:
             self._drain(self._subscriptions[0])
             self._node.destroy_subscription(self._subscriptions.pop(0))
         self._publishers = self._look_around()
+        self.unpublished.look(lambda: bool(self._publishers), self._others)
         wanted = to_request(self.offered)
         if self.offered and not same(wanted, self._profile):
             text = f"matching the publishers of {self._topic}: {wanted.reliability.name.lower()}"
@@ -123,6 +126,13 @@ class MatchedSubscription:
             own = (definition_of(info) for info in there if (full_name(info), info.topic_type) == mine)
             self._definition = next(own, None)
         return None not in (told, self._definition) and told != self._definition
+
+    def _others(self) -> Iterator[str]:
+        """The topics of this type that other nodes publish."""
+        node, wanted, own = self._node, type_name(self._type), self._node.get_fully_qualified_name()
+        for name, types in node.get_topic_names_and_types():
+            if wanted in types and any(full_name(i) != own for i in node.get_publishers_info_by_topic(name)):
+                yield name
 
     def _troubles(self) -> Iterator[str]:
         wanted = type_name(self._type)

@@ -115,7 +115,7 @@ class ServiceEvents:
 class IntrospectedAction:
     """Reports what an action's server tells of itself."""
 
-    bypass = ""
+    bypass = unpublished = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Raises `CodecError`."""

@@ -80,7 +80,8 @@ class Monitor:
     def _look(self) -> None:
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
-            self._board.trouble(first.name, trouble)
+            self._board.trouble(first.name, trouble, part.unpublished)
+            trouble = "; ".join(filter(None, (trouble, part.unpublished)))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
 
     def _send_clocks(self) -> None:

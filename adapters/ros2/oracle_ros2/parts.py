@@ -45,6 +45,10 @@ class Part(Protocol):
         """What lets events past the monitor, as of the last look; empty where nothing does."""
 
     @property
+    def unpublished(self) -> str:
+        """That nobody publishes a topic, as of the last look; empty for services and actions."""
+
+    @property
     def received(self) -> int:
         """How many messages have come that show whether the middleware delivers; calls are too rare."""
 

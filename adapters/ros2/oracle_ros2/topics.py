@@ -124,6 +124,11 @@ class LoggedTopic:
         """How many messages have come."""
         return self.observed.count
 
+    @property
+    def unpublished(self) -> str:
+        """That nobody publishes it, as of the last look; a publisher that came and went between two looks counts."""
+        return "" if self.observed.count else self.subscription.unpublished.text
+
     def catch_up(self) -> None:
         """Take every message that has come by now."""
         self.subscription.take_all()
@@ -168,6 +173,11 @@ class FilteredTopic:
     def received(self) -> int:
         """How many messages have come."""
         return self.observed.count
+
+    @property
+    def unpublished(self) -> str:
+        """That nobody publishes it, as of the last look; a publisher that came and went between two looks counts."""
+        return "" if self.observed.count else self.subscription.unpublished.text
 
     @property
     def bypass(self) -> str:

@@ -153,6 +153,22 @@ def test_an_outage_is_told_once_and_counted(screen: Screen, board: Board, clock:
     assert (values["passed without a decision"], values["denied without a decision"]) == ("3", "3")
 
 
+def test_what_may_be_wrong_is_a_warning_where_nothing_else_is_wrong(
+    screen: Screen, board: Board
+) -> None:
+    assert board.trouble("/a", "", "nobody publishes /a")
+    assert not board.trouble("/a", "", "nobody publishes /a")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: /a"] == (WARN, "nobody publishes /a")
+    assert (screen.infos, screen.errors) == (["/a: nobody publishes /a"], [])
+    assert board.trouble("/a", "published past the monitor", "nobody publishes /a")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: /a"] == (ERROR, "published past the monitor")
+    assert board.trouble("/a", "")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: /a"] == (OK, "recovered")
+
+
 def test_trouble_is_told_where_it_is_new_and_shown_until_it_is_over(
     screen: Screen, board: Board
 ) -> None:
