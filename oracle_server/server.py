@@ -47,7 +47,7 @@ from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.clock import Clock
 from oracle_server.process.garbage import collect_rarely, uncollected
 from oracle_server.process.logs import set_up_logs
-from oracle_server.process.notify import notify
+from oracle_server.process.notify import READY, STATUS, notify
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import POSTGRES, Settings
 from oracle_server.process.watchdog import Watchdog
@@ -117,6 +117,8 @@ def _library(settings: Settings) -> Library:
         if isinstance(entry, Unsound):
             reasons = "; ".join(str(finding) for finding in entry.error.findings)
             log.error("a spec is unsound: no session can be opened by it", spec=entry.id, reasons=reasons)
+    if wanting := library.wanting():
+        notify(f"{STATUS}{wanting}")
     if settings.legacy is not None:
         with contextlib.suppress(SpecError):
             library.get(settings.legacy)
@@ -361,7 +363,7 @@ class _Server(uvicorn.Server):
         if self._door.unix is not None:
             await self._begin_unix(self._door.unix)
         self._registry.accept_work()
-        notify("READY=1")
+        notify(READY)
 
     async def _begin_unix(self, listener: socket.socket) -> None:
         """Accept at a UNIX socket: without TLS, as nobody is between."""
@@ -392,4 +394,4 @@ def _specs_folder(settings: Settings) -> Path | None:
             raise ServerError(f"{settings.specs}: is no folder; name the folder of the specs")
         return settings.specs
     default = Path("specs")
-    return default if default.is_dir() else None
+    return None if default.is_file() else default  # it may be made later

@@ -104,7 +104,7 @@ def _server(
         "ORACLE_DURABILITY": "normal",
         "ORACLE_MAX_RECORDING": f"{_size(recording) // 1000 + 1}kB",
     }
-    process = launch(plain | settings, data / LOG, _STARTED_WITHIN, keep=False)
+    process, _ = launch(plain | settings, data / LOG, _STARTED_WITHIN, keep=False)
     try:
         started = running(data)
         if started is None or started.url is None:

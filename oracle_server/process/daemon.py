@@ -13,12 +13,12 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import httpx
 
 from oracle_server.core.errors import OracleError
-from oracle_server.process.notify import VARIABLE
+from oracle_server.process.notify import READY, STATUS, VARIABLE
 from oracle_server.process.pidfile import Running, running
 from oracle_server.process.settings import Settings
 
@@ -36,6 +36,13 @@ class DaemonError(OracleError):
     """A server that does not start or stop."""
 
 
+class Launched(NamedTuple):
+    """A server that accepts work, and what it says of itself; empty where there is nothing to say."""
+
+    process: subprocess.Popen[bytes]
+    status: str
+
+
 def start(settings: Settings, within: float) -> None:
     """Start a server, and return once it accepts work. Raises `DaemonError` if it does not within `within` seconds."""
     folder = settings.data_dir.absolute()
@@ -47,12 +54,14 @@ def start(settings: Settings, within: float) -> None:
     if other is not None:
         raise DaemonError(f"{folder}: its server runs already (pid {other.pid}); `oracle-server stop` ends it")
     log = settings.log_file or folder / LOG
-    process = launch(_environment(settings, log), log, within)
+    process, status = launch(_environment(settings, log), log, within)
     started = running(folder)
+    if status:
+        sys.stderr.write(f"oracle-server: {status}\n")
     sys.stdout.write(f"{started.url if started else 'started'}: accepts work (pid {process.pid}, log {log})\n")
 
 
-def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bool = True) -> subprocess.Popen[bytes]:
+def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bool = True) -> Launched:
     """Start a server by an environment, in a session of its own, and return once it accepts work.
 
     Raises `DaemonError` if it does not within `within` seconds; it is ended then, unless it is to be kept.
@@ -68,13 +77,13 @@ def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bo
             start_new_session=True,
         )
         try:
-            _wait_until_ready(process, listener, time.monotonic() + within, log, begin)
+            status = _wait_until_ready(process, listener, time.monotonic() + within, log, begin)
         except BaseException:
             if not keep:
                 process.kill()
                 process.wait()
             raise
-    return process
+    return Launched(process, status)
 
 
 def stop(folder: Path, within: float) -> None:
@@ -159,7 +168,8 @@ def _open_log(log: Path) -> IO[bytes]:
         log.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         return open(log, "ab", opener=lambda path, flags: os.open(path, flags, 0o600))
     except OSError as error:
-        raise DaemonError(f"{log}: can't be written: {error.strerror}") from None
+        where = "name a folder of yours by --data-dir, or another ORACLE_LOG_FILE"
+        raise DaemonError(f"{log}: can't be written: {error.strerror}; {where}") from None
 
 
 @contextlib.contextmanager
@@ -177,11 +187,16 @@ def _readiness() -> Iterator[tuple[socket.socket, str]]:
 
 def _wait_until_ready(
     process: subprocess.Popen[bytes], listener: socket.socket, deadline: float, log: Path, begin: int
-) -> None:
+) -> str:
+    """Returns the last `STATUS=` that the server has told before it was ready."""
+    status = ""
     while True:
         with contextlib.suppress(TimeoutError):
-            if b"READY=1" in listener.recv(4096).split(b"\n"):
-                return
+            told = listener.recv(4096).decode(errors="replace")
+            if told.startswith(STATUS):
+                status = told.removeprefix(STATUS)
+            elif told == READY:
+                return status
         if process.poll() is not None:
             raise DaemonError(_last_line(log, begin) or f"the server ended at once; see {log}")
         if time.monotonic() > deadline:

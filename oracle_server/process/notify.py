@@ -7,6 +7,9 @@ import os
 import socket
 
 VARIABLE = "NOTIFY_SOCKET"
+READY = "READY=1"
+STATUS = "STATUS="
+"""Before a text for people, of one line: `systemctl status` and `oracle-server start` show it."""
 _SEND_WITHIN = 0.5
 """Seconds that sending may take; the event loop is blocked meanwhile."""
 

@@ -33,6 +33,8 @@ Expected = frozenset[str] | Literal["any", "none"] | None
 None where that does not matter.
 """
 
+_NAMED = 5
+"""How many unsound specs are named in a line."""
 _ID = re.compile(r"""^id:[ \t]*["']?([A-Za-z0-9_.-]{1,64})["']?[ \t]*(?:#.*)?$""", re.MULTILINE)
 
 
@@ -139,6 +141,16 @@ class Library:
         with self._changing:
             specs = [*self._entries.values(), *self._doubles.values()]
         return sorted(specs, key=lambda e: (e.id, str(e.path)))
+
+    def wanting(self) -> str:
+        """That there is no spec, or which are unsound, in a line; empty where there is nothing to say."""
+        specs = self.listed()
+        unsound = [e for e in specs if isinstance(e, Unsound)]
+        if not specs:
+            return f"there is no spec yet: {self._folder} has no *.yaml; name another folder by --specs"
+        which = ", ".join(e.id for e in unsound[:_NAMED]) + (", …" if len(unsound) > _NAMED else "")
+        how = f"can't be used: {which}; `oracle-server specs` tells why"
+        return f"{len(unsound)} of {len(specs)} specs are unsound, and {how}" if unsound else ""
 
     def retention(self) -> dict[str, Retention]:
         """The retention of each spec, by id."""

@@ -106,6 +106,22 @@ def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: 
     start(data, specs)
 
 
+def test_it_tells_that_it_has_no_spec_or_one_that_is_unsound(data: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+
+    def told() -> str:
+        started = run("start", "--data-dir", data, "--specs", folder, "--port", "0")
+        assert (started.returncode, run("stop", "--data-dir", data).returncode) == (0, 0)
+        return started.stderr
+
+    assert told() == f"oracle-server: there is no spec yet: {folder} has no *.yaml; name another folder by --specs\n"
+    (folder / "bad.yaml").write_text("id: bad\n")
+    assert (
+        told() == "oracle-server: 1 of 1 specs are unsound, and can't be used: bad; `oracle-server specs` tells why\n"
+    )
+
+
 def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: Path) -> None:
     assert "is no folder" in failed("start", "--data-dir", data, "--specs", tmp_path / "nowhere", "--port", "0")
     told = failed("start", "--data-dir", data, "--specs", specs, "--port", "0", "--legacy", "nowhere")
@@ -118,6 +134,7 @@ def test_a_place_that_can_not_be_written_is_told(specs: Path) -> None:
     for place in ("/proc/nowhere", "/dev/null"):
         assert f"{place}: can't be used as data directory" in failed("serve", "--data-dir", place, "--port", "0")
         assert place in failed("start", "--data-dir", place, "--port", "0")
+    assert "name a folder of yours by --data-dir" in failed("start", "--data-dir", "/proc/nowhere", "--port", "0")
 
 
 def test_systemd_is_told_how_it_stands(data: Path, specs: Path, tmp_path: Path) -> None:
