@@ -12,10 +12,14 @@ ValueKind = Literal["whole", "real", "bool", "text", "bytes"]
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A field with one value; `type` is what the message's definition calls it, as `float32`."""
+    """A field with one value; `type` is what the message's definition calls it, as `float32`.
+
+    `may_be_list`: it is one on ROS 1, and which ROS it is of is not known.
+    """
 
     kind: ValueKind
     type: str
+    may_be_list: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,7 +92,7 @@ class Types:
     def _shape(self, kind: str, ros: Ros | None, which: _Of, depth: int) -> Shape:
         of, is_list, size = kind.partition("[")
         if is_list and of in _BYTES and not (of == "byte" and ros == 1):
-            return Value("bytes", kind)
+            return Value("bytes", kind, may_be_list=of == "byte" and ros is None)
         primitive = of in PRIMITIVES
         single = Value(_KINDS.get(of, "whole"), of) if primitive else self._record(of, ros, which, depth)
         if not is_list:

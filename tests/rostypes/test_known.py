@@ -108,7 +108,7 @@ def test_a_folder_defines_messages_services_and_actions(tmp_path: Path) -> None:
     assert isinstance(joints, Many)
     assert isinstance(joints.of, Record)
     assert joints.of.fields["angles"] == Many(Value("real", "float32"))
-    assert joints.of.fields["raw"] == Value("bytes", "byte[4]")
+    assert joints.of.fields["raw"] == Value("bytes", "byte[4]", may_be_list=True)
     assert at(joints.of, ("since", "sec")) == Value("whole", "int32")
     assert shape("arm_msgs/srv/Move_Request", types).fields == {"to": Value("real", "float64")}
     assert at(shape("arm_msgs/msg/GripActionFeedback", types), ("feedback", "gap")) == Value("real", "float64")

@@ -40,6 +40,20 @@ def test_a_field_of_ros_1_alone_is_warned_of_unless_the_version_is_told() -> Non
         read(ONLY_ROS_1, ros=2)
 
 
+BYTES = spec(
+    "  - topic: /a\n    type: std_msgs/ByteMultiArray\n    signals: {d: 'msg.data[0] < 0 && msg.data.all(b, b > -9)'}"
+)
+
+
+def test_bytes_that_are_a_list_on_ros_1_alone_are_read_as_one_unless_the_version_is_told() -> None:
+    told = warnings(BYTES)
+    assert len(told) == 2
+    assert all("`msg.data` is a list of signed numbers on ROS 1, and a text in base64 on ROS 2" in one for one in told)
+    assert not [one for one in warnings(BYTES, ros=1) if "base64" in one]
+    with pytest.raises(SpecError, match="is bytes, which arrive as a text in base64, and no list"):
+        read(BYTES, ros=2)
+
+
 def test_an_unknown_package_is_told_of_once_and_made_known_by_its_folder(tmp_path: Path) -> None:
     text = spec(
         "  - {topic: /a, type: arm_msgs/msg/State, signals: {d: msg.x}}\n"

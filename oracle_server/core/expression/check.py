@@ -156,7 +156,12 @@ class _Checker:
         match static:
             case Record(fields=fields):
                 if name in fields:
-                    return fields[name]
+                    found = fields[name]
+                    if not (isinstance(found, Value) and found.may_be_list):
+                        return found
+                    both = "is a list of signed numbers on ROS 1, and a text in base64 on ROS 2"
+                    self._warn(at, f"`{text}.{name}` {both}; `check --ros` tells whether it is read as it is there")
+                    return None
                 self._error(at, no_field(static, name))
             case Many() | Elements():
                 mend = f"write `{text}[0].{name}` or `{text}.exists(x, x.{name} == 1)`"
