@@ -94,3 +94,12 @@ def test_stamps_follow_the_clock_and_a_jump_back_begins_a_new_session(tmp_path: 
 
 def stamp(seconds: float) -> object:
     return time_msg(sec=int(seconds), nanosec=round(seconds % 1 * SECOND))
+
+
+def test_a_clock_that_does_not_come_is_told_until_it_does(tmp_path: Path) -> None:
+    with Scene(tmp_path / "scene") as scene:
+        adapter = scene.adapter("battery_uav", more=("--ros-args", "-p", "use_sim_time:=true"))
+        adapter.said("simulated time: nothing comes on /clock: time stands at 0, and no deadline runs out")
+        Simulation(scene.peer()).at(100)
+        adapter.said("simulated time: recovered")
+        adapter.ends_well()

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 CLOCK_PERIOD = 0.01
 LOOK_PERIOD = 0.5
 SHOW_PERIOD = 0.1
+CLOCK = "simulated time"
+"""What the board calls the clock, which may be a stream too."""
+CLOCK_WITHIN = 5.0
+"""Seconds for /clock to be discovered, before it is said that it does not come."""
 
 
 class Monitor:
@@ -40,14 +44,14 @@ class Monitor:
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
         self._clocks = clocks = Clocks(self._now)
-        self._watch = None
+        self._watch, self._began = None, time.monotonic()
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: clocks.readings(self._now())))
         shared = Shared(node, link, board, names, clocks)
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
         observed = [stream for part in self._parts for stream in part.streams]
         clocks.follow(observed)
-        board.keep(stream["name"] for stream in streams)
+        board.keep([CLOCK, *(stream["name"] for stream in streams)])
         report_unknown(streams, board, link)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may be paused
         self._timers = [
@@ -78,11 +82,21 @@ class Monitor:
             part.stop()
 
     def _look(self) -> None:
+        self._tell_clock()
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.unpublished)
             trouble = "; ".join(filter(None, (trouble, part.unpublished)))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
+
+    def _tell_clock(self) -> None:
+        """Say where simulated time was never told: nothing gets old then, and no deadline runs out."""
+        if self._watch is None:
+            return
+        if self._now():
+            self._board.trouble(CLOCK, "")
+        elif time.monotonic() - self._began >= CLOCK_WITHIN:
+            self._board.trouble(CLOCK, "nothing comes on /clock: time stands at 0, and no deadline runs out")
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.
