@@ -26,6 +26,7 @@ from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
+from oracle_server.edge.heads import Heads
 from oracle_server.edge.listening import bracketed, listen, listening_unix
 from oracle_server.edge.origins import Origins
 from oracle_server.edge.readonly import ReadOnly
@@ -217,7 +218,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
         inside = app if history.read_only is None else ReadOnly(app, history.read_only)
         access = Access(Bodies(inside, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
-            Origins(access, _hosts(settings)),
+            Origins(Heads(access), _hosts(settings)),
             http=http_transport(door.visitors),
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,

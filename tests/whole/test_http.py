@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,23 @@ properties:
 async def test_health(server: Server) -> None:
     assert server.http.get("/healthz").json() == {"status": "ok"}
     assert server.http.get("/readyz").json() == {"status": "ready"}
+
+
+async def test_head_is_answered_as_get_without_the_body_and_a_stream_ends_behind_it(
+    server: Server, session: str
+) -> None:
+    async with attached(server, session=session, spec="lamp"):
+        base = f"/api/v1/sessions/{session}"
+        with closing(HTTPConnection(server.http.base_url.host, server.http.base_url.port, timeout=PATIENCE)) as http:
+            for path in ("/healthz", "/", base, f"{base}/stream", f"{base}/none", "/metrics", "/readyz"):
+                with server.http.stream("GET", path) as got:
+                    http.request("HEAD", path)  # over one connection, which each answer must leave free
+                    answer = http.getresponse()
+                    assert (answer.status, answer.getheader("content-type")) == (
+                        got.status_code,
+                        got.headers["content-type"],
+                    )
+                assert answer.read() == b""
 
 
 async def test_the_api_describes_itself(server: Server) -> None:
