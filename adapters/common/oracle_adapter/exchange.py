@@ -66,6 +66,7 @@ class Exchange:
         self._opened = False  # the link's thread has been ready
         self._awake = False  # the queue will be looked at
         self._trouble: Optional[LinkError] = None  # why there is no connection
+        self._refusal = ""  # how the last attempt to attach was answered
         self._at_once: Optional[Callable[[], None]] = None
         self._later: Optional[Callable[[], None]] = None
 
@@ -315,7 +316,7 @@ class Exchange:
                 _call(then, notice.answer)
             elif isinstance(notice, Attached):
                 with self._changed:
-                    self._trouble = None
+                    self._trouble, self._refusal = None, ""
                     self._awake = False  # what was queued meanwhile waits for a writer
                     self._wake()
                     self._changed.notify_all()
@@ -331,8 +332,15 @@ class Exchange:
                 _call(self._on_episode, notice.frame)
             elif isinstance(notice, Verdicts):
                 _call(self._on_verdicts, notice.frame)
-            elif not notice.fatal:  # a fatal one is reported at the end
+            elif not notice.fatal and self._is_news(notice):  # a fatal one is reported at the end
                 self.report(notice)
+
+    def _is_news(self, error: LinkError) -> bool:
+        """False where the server refuses to attach as it did at the last attempt."""
+        if self.attached is not None:
+            return True
+        before, self._refusal = self._refusal, str(error)
+        return before != self._refusal
 
 
 def _not_started() -> LinkError:

@@ -95,6 +95,21 @@ class TestAttaching:
         oracle.accept().attach()
         links[0].wait_attached(PATIENCE)
 
+    def test_attempts_that_are_refused_alike_are_told_once(
+        self, oracle: Oracle, news: News, links: List[Link]
+    ) -> None:
+        links.append(Link(oracle.url, "uav1", timing=QUICK, **news.callbacks()))
+        links[0].start()
+        for message in ("its file is unsound", "its file is unsound", "there is no such type"):
+            peer = oracle.accept()
+            peer.recv()
+            peer.send("error", code="bad_spec", message=message, fatal=True)
+            peer.close(1008)
+        oracle.accept().attach()
+        assert news.state() == "attached"
+        told = [error.message for error in list(news.errors.queue) if error.code == "bad_spec"]
+        assert told == ["its file is unsound", "there is no such type"]
+
     def test_a_server_that_never_answers_is_left(self, oracle: Oracle, links: List[Link]) -> None:
         timing = Timing(attach_timeout=0.05, ping_interval=0.02, backoff_first=0.01)
         links.append(Link(oracle.url, "uav1", timing=timing, on_error=lambda error: None))
