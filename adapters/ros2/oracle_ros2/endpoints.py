@@ -58,7 +58,7 @@ class MatchedSubscription:
             self._drain(self._subscriptions[0])
             self._node.destroy_subscription(self._subscriptions.pop(0))
         self._publishers = self._look_around()
-        self.unpublished.look(lambda: bool(self._publishers), self._others)
+        self.unpublished.look(lambda: bool(self._publishers), self._others, self._is_others)
         wanted = to_request(self.offered)
         if self.offered and not same(wanted, self._profile):
             text = f"matching the publishers of {self._topic}: {wanted.reliability.name.lower()}"
@@ -128,11 +128,14 @@ class MatchedSubscription:
         return None not in (told, self._definition) and told != self._definition
 
     def _others(self) -> Iterator[str]:
-        """The topics of this type that other nodes publish."""
-        node, wanted, own = self._node, type_name(self._type), self._node.get_fully_qualified_name()
-        for name, types in node.get_topic_names_and_types():
-            if wanted in types and any(full_name(i) != own for i in node.get_publishers_info_by_topic(name)):
-                yield name
+        """The other topics of this type."""
+        own, wanted = self._node.resolve_topic_name(self._topic), type_name(self._type)
+        return (name for name, types in self._node.get_topic_names_and_types() if wanted in types and name != own)
+
+    def _is_others(self, topic: str) -> bool:
+        """Whether another node publishes a topic."""
+        own = self._node.get_fully_qualified_name()
+        return any(full_name(info) != own for info in self._node.get_publishers_info_by_topic(topic))
 
     def _troubles(self) -> Iterator[str]:
         wanted = type_name(self._type)

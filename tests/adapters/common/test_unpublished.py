@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from difflib import SequenceMatcher
+
 import pytest
+from oracle_adapter import unpublished
 from oracle_adapter.unpublished import PATIENCE, Unpublished
 from tests.adapters.common.boards import Clock
 
@@ -31,6 +34,38 @@ def test_what_it_may_have_been_meant_to_be(name: str, others: list[str], meant: 
 
 def test_what_is_like_nothing_is_told_alone() -> None:
     assert looked("/estop", "/battery_state") == looked("/estop") == "nobody publishes /estop"
+
+
+def test_what_is_like_it_and_is_not_published_is_not_what_was_meant() -> None:
+    clock = Clock()
+    topic = Unpublished("/estops", clock)
+    clock.now = PATIENCE
+    published = {"/estop"}
+    topic.look(lambda: False, lambda: ["/estop", "/estop_s", "/odd"], published.__contains__)
+    assert topic.text == "nobody publishes /estops; did you mean /estop?"
+    published.add("/estop_s")
+    clock.now *= 2
+    topic.look(lambda: False, lambda: ["/estop", "/estop_s", "/odd"], published.__contains__)
+    assert topic.text == "nobody publishes /estops; did you mean /estop_s?"
+
+
+def test_among_many_topics_few_names_are_compared_closely(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compared: list[str] = []
+
+    def counted(junk: None, name: str, other: str) -> SequenceMatcher[str]:
+        compared.append(other)
+        return SequenceMatcher(junk, name, other)
+
+    monkeypatch.setattr(unpublished, "SequenceMatcher", counted)
+    clock = Clock()
+    topic = Unpublished("/uav1/camera/imge_7", clock)
+    for _ in range(3):
+        clock.now += PATIENCE
+        topic.look(lambda: False, lambda: [f"/uav1/camera/image_{i}" for i in range(1000)])
+    assert topic.text == "nobody publishes /uav1/camera/imge_7; did you mean /uav1/camera/image_7?"
+    assert len(compared) < 10
 
 
 def test_one_that_the_graph_knows_and_that_can_not_be_reached_is_published() -> None:
