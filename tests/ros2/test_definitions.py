@@ -64,6 +64,30 @@ def test_what_is_defined_otherwise_is_told_and_not_read(scene: Scene) -> None:
     heard.stop()
 
 
+def test_one_of_the_monitor_s_name_with_an_older_definition_does_not_stand_for_it(scene: Scene) -> None:
+    before, monitor, pilot = scene.peer("monitor"), scene.peer("monitor"), scene.peer("pilot")
+    before.record(msg.Int64, "/n")
+    ask = monitor.node.get_subscriptions_info_by_topic
+    eventually(lambda: ask("/n"), len)
+    ghosts = [bytes(info.endpoint_gid) for info in ask("/n")]
+
+    def told(topic: str) -> Any:
+        found = ask(topic)
+        for info in found:
+            if bytes(info.endpoint_gid) in ghosts:
+                info.topic_type_hash = type_hash.TypeHash(version=1, value=bytes(32))
+        return found
+
+    monitor.node.get_subscriptions_info_by_topic = told
+    pilot.publisher(msg.Int64, "/n")
+    eventually(lambda: monitor.node.get_publishers_info_by_topic("/n"), len)
+    heard = endpoints.MatchedSubscription(monitor.node, msg.Int64, "/n", lambda *_: None)
+    [source] = heard.sources
+    assert heard.look() == ""
+    assert not heard.is_foreign(source)
+    heard.stop()
+
+
 def test_who_can_t_read_what_is_forwarded_is_told(scene: Scene) -> None:
     monitor, other = scene.peer("monitor"), scene.peer("other")
     define_otherwise(monitor, "other")

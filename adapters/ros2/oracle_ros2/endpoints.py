@@ -120,12 +120,20 @@ class MatchedSubscription:
     def _is_other(self, publisher: Any) -> bool:
         """Whether a publisher has another definition of the type."""
         told = definition_of(publisher)
-        if told is not None and self._definition is None:
-            there = self._node.get_subscriptions_info_by_topic(self._topic)
-            mine = self._node.get_fully_qualified_name(), type_name(self._type)
-            own = (definition_of(info) for info in there if (full_name(info), info.topic_type) == mine)
-            self._definition = next(own, None)
+        if told is not None and self._definition is None and self._subscriptions:
+            self._definition = self._own()
         return None not in (told, self._definition) and told != self._definition
+
+    def _own(self) -> bytes | None:
+        """The definition of the type here; None where it is not sure.
+
+        As where another node has this one's name: one that was killed stays on the graph for a while, and may have had
+        an older definition.
+        """
+        there = self._node.get_subscriptions_info_by_topic(self._topic)
+        mine = self._node.get_fully_qualified_name(), type_name(self._type)
+        own = {definition_of(info) for info in there if (full_name(info), info.topic_type) == mine}
+        return own.pop() if len(own) == 1 else None
 
     def _others(self) -> Iterator[str]:
         """The other topics of this type."""
