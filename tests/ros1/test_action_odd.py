@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 from actionlib import msg
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
-from rospy import Time
+from oracle_ros1 import actionmessages
+from rospy import AnyMsg, Time
 
 from tests.processes import Data
 from tests.ros1.actionscene import count, ids, last, server, streams, watched
@@ -105,6 +106,21 @@ def test_a_cancel_by_time_ends_what_is_older_wherever_it_is(tmp_path: Path) -> N
         peer.publish("/count_mon/cancel", GoalID())
         assert [goal_id for goal_id, _ in ended(peer, 4)] == ["new", "old", "old and open", "open"]
         process.ends_well()
+
+
+def test_what_else_a_goal_without_an_id_says_is_left_as_it_came() -> None:
+    frame = b"caf\xe9"  # no UTF-8
+    before = b"\7\0\0\0" + bytes(range(8)) + b"\4\0\0\0" + frame + bytes(range(8, 16))
+    goal = b"\3\0\0\0" + b"behind its end"
+    message = AnyMsg()
+    message._connection_header = {"type": "actionlib/TestActionGoal"}
+    message._buff = before + b"\0\0\0\0" + goal
+    read = msg.TestActionGoal().deserialize(message._buff)
+    made = actionmessages.with_id(read, message, "n\u00e4he")
+    assert made._buff == before + b"\5\0\0\0" + b"n\xc3\xa4he" + goal
+    assert made._connection_header is message._connection_header
+    found = msg.TestActionGoal().deserialize(made._buff)
+    assert (found.goal_id.id, found.goal.goal) == (read.goal_id.id, 3) == ("n\u00e4he", 3)
 
 
 def test_a_goal_without_an_id_gets_one_by_which_all_that_comes_of_it_is_known(tmp_path: Path) -> None:

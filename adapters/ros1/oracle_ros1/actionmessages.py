@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import io
+import struct
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Mapping, Optional
 
@@ -119,14 +119,15 @@ def text_of(goal_id: str) -> str:
 def with_id(goal: Any, message: rospy.AnyMsg, goal_id: str) -> rospy.AnyMsg:
     """A goal that came without an id, as a message that has this one; the goal has it, too.
 
-    Servers would give it one that nobody knows who has sent the goal.
+    Servers would give it one that nobody knows who has sent the goal. All else is left byte for byte as it came.
     """
     goal.goal_id.id = goal_id
-    written = io.BytesIO()
-    goal.serialize(written)
+    came: bytes = message._buff  # noqa: SLF001 - rospy's own interface
+    (frame,) = struct.unpack_from("<I", came, 12)  # the length of the header's `frame_id`, behind `seq` and `stamp`
+    at, text = 16 + frame + 8, goal_id.encode()  # behind the time of the goal's id
     made = rospy.AnyMsg()
-    made._connection_header = header_of(message)  # noqa: SLF001 - rospy's own interface
-    made._buff = written.getvalue()  # noqa: SLF001
+    made._connection_header = header_of(message)  # noqa: SLF001
+    made._buff = came[:at] + struct.pack("<I", len(text)) + text + came[at + 4 :]  # noqa: SLF001
     return made
 
 
