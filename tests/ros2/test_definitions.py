@@ -88,6 +88,18 @@ def test_one_of_the_monitor_s_name_with_an_older_definition_does_not_stand_for_i
     heard.stop()
 
 
+def test_who_publishes_another_type_keeps_nothing_from_being_read_where_sources_are_not_told(scene: Scene) -> None:
+    monitor, pilot, other = scene.peer("monitor"), scene.peer("pilot"), scene.peer("other")
+    heard = endpoints.MatchedSubscription(monitor.node, msg.Int64, "/n", lambda *_: None)
+    pilot.publisher(msg.Int64, "/n")
+    other.node.create_publisher(msg.String, "/n", 10)
+    text = "/other publishes it as std_msgs/msg/String, not as std_msgs/msg/Int64"
+    eventually(heard.look, lambda trouble: trouble == text)
+    eventually(lambda: heard.sources, lambda found: len(found) == 2)
+    assert not heard.is_foreign("")
+    heard.stop()
+
+
 def test_who_can_t_read_what_is_forwarded_is_told(scene: Scene) -> None:
     monitor, other = scene.peer("monitor"), scene.peer("other")
     define_otherwise(monitor, "other")

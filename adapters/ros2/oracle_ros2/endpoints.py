@@ -118,7 +118,9 @@ class MatchedSubscription:
         return found
 
     def _is_other(self, publisher: Any) -> bool:
-        """Whether a publisher has another definition of the type."""
+        """Whether a publisher has another definition of the type; of one with another type nothing comes."""
+        if publisher.topic_type != type_name(self._type):
+            return False
         told = definition_of(publisher)
         if told is not None and self._definition is None and self._subscriptions:
             self._definition = self._own()
