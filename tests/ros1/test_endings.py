@@ -123,6 +123,38 @@ def test_an_adapter_that_is_started_while_the_one_before_it_ends_waits_for_it(tm
         second.ends_well()
 
 
+IN_CPP = """
+import os, sys
+from xmlrpc.client import ServerProxy
+from xmlrpc.server import SimpleXMLRPCServer
+server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+server.register_function(lambda *_: (1, "", 0), "publisherUpdate")
+for name in sys.argv[1:]:
+    address = "http://127.0.0.1:%d" % server.server_address[1]
+    ServerProxy(os.environ["ROS_MASTER_URI"]).registerPublisher(name, name + "/led", "std_msgs/Bool", address)
+print("registered", flush=True)
+server.serve_forever()
+"""
+"""A node that, as those in C++, does not tell its name."""
+
+
+def test_an_adapter_takes_the_name_of_one_whose_port_a_node_in_c_has_by_now(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        scene.run("led", sys.executable, "-c", IN_CPP, "/led", "/uav1").said("registered")
+        adapter = scene.adapter("gate")
+        assert "waiting for its end" not in adapter.log
+        adapter.ends_well()
+
+
+def test_an_adapter_does_not_take_the_name_of_a_node_in_c(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        scene.run("led", sys.executable, "-c", IN_CPP, "/uav1").said("registered")
+        words = ("--oracle", scene.server.url, "--spec", "gate", "--session", "s", "--monitor", "uav1")
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", *words)
+        assert adapter.wait() == 2
+        adapter.said("another node named /uav1 runs at http://.*, and would be ended by this one")
+
+
 def test_an_adapter_takes_the_name_of_one_that_was_killed(tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
         scene.adapter("gate").end(signal.SIGKILL)

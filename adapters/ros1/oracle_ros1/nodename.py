@@ -41,13 +41,22 @@ def _other(name: str) -> Optional[str]:
     """Where a node of this name is; None where there is none, or the master is not there to say so."""
     caller = rospy.get_caller_id()
     try:
-        code, _, address = master_proxy(ASK_WITHIN).lookupNode(name)
+        master = master_proxy(ASK_WITHIN)
+        code, _, address = master.lookupNode(name)
         if code != 1:
             return None
         node: Any = ServerProxy(address, transport=TimedTransport(ASK_WITHIN))
-        code, _, found = node.getName(caller)
-    except Fault:  # as those in C++ have no such method
-        return str(address)
+        try:
+            code, _, found = node.getName(caller)
+        except Fault:  # as those in C++ have no such method
+            return None if _is_known_otherwise(master, name, address) else str(address)
     except Exception:  # noqa: BLE001 - nobody answers, or what is no node
         return None
     return str(address) if code != 1 or found == name else None
+
+
+def _is_known_otherwise(master: Any, name: str, address: str) -> bool:
+    """Whether the master has a node of another name at an address: it got the port of one that was killed."""
+    _, _, state = master.getSystemState()
+    nodes = {node for entries in state for _, users in entries for node in users} - {name}
+    return any(master.lookupNode(node)[2] == address for node in nodes)
