@@ -99,7 +99,7 @@ def stamp(seconds: float) -> object:
 def test_a_clock_that_does_not_come_is_told_until_it_does(tmp_path: Path) -> None:
     with Scene(tmp_path / "scene") as scene:
         adapter = scene.adapter("battery_uav", more=("--ros-args", "-p", "use_sim_time:=true"))
-        adapter.said("simulated time: nothing comes on /clock: time stands at 0, and no deadline runs out")
+        adapter.said("simulated time: time stands at 0, so no deadline runs out: /clock is silent, or paused")
         Simulation(scene.peer()).at(100)
         adapter.said("simulated time: recovered")
         adapter.ends_well()

@@ -96,7 +96,7 @@ class Monitor:
         if self._now():
             self._board.trouble(CLOCK, "")
         elif time.monotonic() - self._began >= CLOCK_WITHIN:
-            self._board.trouble(CLOCK, "nothing comes on /clock: time stands at 0, and no deadline runs out")
+            self._board.trouble(CLOCK, "time stands at 0, so no deadline runs out: /clock is silent, or paused")
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.
