@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import lz4.frame
 import zstandard
 
-from oracle_server.replay.storage import DamagedError, Message
+from oracle_server.replay.storage import LATEST, DamagedError, Message
 
 LARGEST = 2**30
 """The most bytes of a block that is decompressed; recorders write blocks of some megabytes."""
@@ -20,10 +20,11 @@ _PIECE = 2**20
 
 
 class Block(NamedTuple):
-    """A part of a file, by its place, with the time of its first message (ns); `length` bytes of it are there.
+    """A part of a file, by its place, with the times of its first and last messages (ns) as its headings tell them.
 
-    `size` bytes were compressed by the method `how`, where that stands outside the block; `chunk` is false for
-    records that stand in no chunk.
+    Where they do not tell the last one, `end` is the last time that there is. `length` bytes of it are there. `size`
+    bytes were compressed by the method `how`, where that stands outside the block; `chunk` is false for records that
+    stand in no chunk.
     """
 
     start: int
@@ -32,6 +33,7 @@ class Block(NamedTuple):
     chunk: bool = True
     how: str = ""
     size: int = 0
+    end: int = LATEST
 
 
 class InBlocks(ABC):
@@ -56,9 +58,12 @@ class InBlocks(ABC):
 
     @property
     def newest(self) -> int:
-        """The time of the last message that can be read; the file is read, unless its messages were."""
-        if self._newest is None:
-            for _ in self.messages(()):
+        """The time of the last message that can be read; what may have it is read, unless the file's messages were."""
+        blocks = sorted(self._blocks, key=_end, reverse=True) if self._newest is None else []
+        for block in blocks:
+            if block.end <= (self._newest or 0):
+                break
+            for _ in self._in_block(block, ()):
                 pass
         return self._newest or 0
 
@@ -84,6 +89,10 @@ def in_order(blocks: Sequence[Block], read: Callable[[Block], list[Message]]) ->
             until = bisect_left(waiting, ordered[number + 1].start, key=_time)
         yield from waiting[:until]
         del waiting[:until]
+
+
+def _end(block: Block) -> int:
+    return block.end
 
 
 def _time(message: Message) -> int:

@@ -77,10 +77,11 @@ class McapFile(InBlocks):
             body = position + _RECORD.size
             run = kind == _MESSAGE or (run and kind in (_SCHEMA, _CHANNEL))
             if run:
-                start = self._time(_MESSAGE_HEAD, 2, there) if kind == _MESSAGE else 0
-                self._add_to_run(position, _RECORD.size + there, start or _NO_TIME)
+                time = self._heading(_MESSAGE_HEAD, there)[2] if kind == _MESSAGE else 0
+                self._add_to_run(position, _RECORD.size + there, time)
             elif kind == _CHUNK:
-                self._blocks.append(Block(self._time(_CHUNK_HEAD, 0, there), body, there))
+                start, end = self._heading(_CHUNK_HEAD, there)[:2]
+                self._blocks.append(Block(start, body, there, end=end or LATEST))
             if there < length:
                 break
             if kind in (_HEADER, _SCHEMA, _CHANNEL, _STATISTICS) and length <= _LARGEST_NOTE:
@@ -110,17 +111,19 @@ class McapFile(InBlocks):
         kind, length = _RECORD.unpack(head)
         return kind, length, min(length, size - position - _RECORD.size)
 
-    def _add_to_run(self, position: int, length: int, start: int) -> None:
-        last = self._blocks[-1] if self._blocks else None
+    def _add_to_run(self, position: int, length: int, time: int) -> None:
+        """Take a record that stands in no chunk; one without a `time` has 0 there."""
+        start, last = time or _NO_TIME, self._blocks[-1] if self._blocks else None
         if last is None or last.chunk or last.length > _RUN or last.offset + last.length != position:
-            self._blocks.append(Block(start, position, length, chunk=False))
+            self._blocks.append(Block(start, position, length, chunk=False, end=time))
         else:
-            self._blocks[-1] = Block(min(last.start, start), last.offset, last.length + length, chunk=False)
+            start, end, length = min(last.start, start), max(last.end, time), last.length + length
+            self._blocks[-1] = Block(start, last.offset, length, chunk=False, end=end)
 
-    def _time(self, head: struct.Struct, field: int, there: int) -> int:
-        """The time that stands in the heading of the record which is read next."""
+    def _heading(self, head: struct.Struct, there: int) -> tuple[int, ...]:
+        """The heading of the record which is read next; all zeros where it is not whole."""
         data = self._file.read(min(there, head.size))
-        return int(head.unpack(data)[field]) if len(data) == head.size else 0
+        return head.unpack(data if len(data) == head.size else bytes(head.size))
 
     def _note(self, kind: int, data: bytes) -> int | None:
         """Keep what a record says; of statistics, returns the number of channels."""

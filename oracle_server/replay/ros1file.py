@@ -101,7 +101,8 @@ class Ros1File(InBlocks):
         times = [_nanoseconds(*entry[:2]) for entry in struct.iter_unpack("<III", data[: len(data) // 12 * 12])]
         if times and self._blocks:
             block = self._blocks[-1]
-            self._blocks[-1] = block._replace(start=min(times) if first else min(block.start, *times))
+            start, end = (min(times), max(times)) if first else (min(block.start, *times), max(block.end, *times))
+            self._blocks[-1] = block._replace(start=start, end=end)
 
     def _connection(self, fields: _Fields, data: bytes) -> None:
         about = {key: value.decode(errors="replace") for key, value in _fields(data).items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 from collections import Counter
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,10 +15,12 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
+from oracle_server.replay.blocks import Block
 from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import UNUSABLE
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.opening import open_recording
+from oracle_server.replay.storage import Message
 from oracle_server.specfiles.load import load_spec
 from tests.replay.fuzzing import DAMAGES, damage, judge, rewrite, whole_files
 from tests.replay.judging import BASE, write_numbers, write_spec
@@ -125,6 +128,37 @@ def test_messages_outside_chunks_are_in_their_order_whatever_stands_between_them
     assert times == sorted(times)
     assert len(times) >= 33
     assert len({recorded.event.arrived for recorded in open_recording(path, numbers)}) == 5
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_when_a_file_ends_is_known_without_reading_all_of_it(
+    damaged: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of a bag with many files, those that have nothing that is judged may be most of it."""
+    path, starts = tmp_path / "parts.mcap", list[int]()
+    with path.open("wb") as out:
+        writer = Writer(out, chunk_size=1, compression=CompressionType.NONE)
+        writer.start(profile="ros2", library="test")
+        channel = writer.register_channel("/y", "cdr", writer.register_schema("std_msgs/msg/Float64", "ros2msg", b""))
+        for at in range(30):
+            starts.append(out.tell())
+            writer.add_message(channel, BASE + at, bytes(12), BASE + at)
+        writer.finish()  # type: ignore[no-untyped-call]
+    if damaged:
+        data = bytearray(path.read_bytes())
+        data[starts[-1] + 9 + 28] ^= 0xFF  # in the last chunk's checksum
+        path.write_bytes(data)
+    file, read = McapFile(path), list[int]()
+    in_block = McapFile._in_block
+
+    def counted(self: McapFile, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:
+        read.append(block.start)
+        return in_block(self, block, wanted)
+
+    monkeypatch.setattr(McapFile, "_in_block", counted)
+    assert file.newest == BASE + 29 - damaged
+    file.close()
+    assert read == [BASE + 29, BASE + 28][: 1 + damaged]
 
 
 def test_a_ros1_bag_that_was_not_closed_is_judged_as_far_as_it_goes(tmp_path: Path) -> None:
