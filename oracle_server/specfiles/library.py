@@ -111,8 +111,11 @@ class Library:
         self._entries: dict[str, Entry | Unsound] = {}
         self._doubles: dict[Path, Unsound] = {}
         """Unsound files whose id is another one's, by path."""
-        self._seen: set[Path] = set()
-        """Files of the folder that have been read: each is on hand, unsound, or behind an upload of its id."""
+        self._seen: dict[Path, FileVersion | None] = {}
+        """Files of the folder that have been read: each is on hand, unsound, or behind an upload of its id.
+
+        With the version in which each was looked at for an id that is new.
+        """
         self._read_new()
         for path in sorted(uploads.glob("*.yaml")):
             found = _found(path, "put", types)
@@ -201,15 +204,26 @@ class Library:
             raise
 
     def _read_new(self) -> None:
-        """Read the files of the folder that were not there before."""
+        """Read the files of the folder that were not there before, or have another id."""
         for path in _files(self._folder) if self._folder else ():
+            version = _version(path)
             with self._changing:
-                if path in self._seen:
+                known = path in self._seen
+                if known and self._seen[path] == version:
                     continue
-                self._seen.add(path)
+                self._seen[path] = version
+            if known and not self._has_another_id(path):
+                continue
             found = _found(path, "file", self._types)
             with self._changing:
                 self._take(found)
+
+    def _has_another_id(self, path: Path) -> bool:
+        """Whether a file of sound specs gives itself an id that it did not have."""
+        own = _own_id(path)
+        with self._changing:
+            of_it = [e for e in (*self._entries.values(), *self._doubles.values()) if e.path == path]
+        return own is not None and not any(isinstance(e, Unsound) or e.id == own for e in of_it)
 
     def _take(self, found: Entry | Unsound) -> None:
         """Take in a file of the specs folder, as unsound where its id is another file's already.
@@ -220,7 +234,7 @@ class Library:
         if first is found or first.source == "put":
             return
         if _version(first.path) is None:
-            self._seen.discard(first.path)
+            self._seen.pop(first.path, None)
             self._entries[found.id] = found
             return
         if isinstance(found, Entry):
@@ -236,7 +250,7 @@ class Library:
             unsound = [e for e in (*self._entries.values(), *self._doubles.values()) if isinstance(e, Unsound)]
         for old in unsound:
             version = _version(old.path)
-            if version == old.version and old.id in self._entries:
+            if version == old.version and self._is_taken(old):
                 continue
             found = None if version is None else self._looked_at(old, version)
             with self._changing:
@@ -249,7 +263,12 @@ class Library:
                 if found is not None:
                     self._take(found)
                 else:
-                    self._seen.discard(old.path)
+                    self._seen.pop(old.path, None)
+
+    def _is_taken(self, old: Unsound) -> bool:
+        """Whether the id of an unsound file is still its own, or that of a spec whose file is there."""
+        first = self._entries.get(old.id)
+        return first is not None and (first is old or _version(first.path) is not None)
 
     def _looked_at(self, old: Unsound, version: FileVersion) -> Entry | Unsound:
         """What an unsound file is now."""

@@ -205,3 +205,23 @@ def test_an_upload_goes_before_a_new_file(path: Path) -> None:
     (path.parent / "y.yaml").write_text((SPEC % 1).replace("id: x", "id: y"))
     assert [(e.id, e.source) for e in specs.listed()] == [("x", "file"), ("y", "put")]
     assert reasons(specs) == {}
+
+
+def test_a_file_that_has_another_id_is_on_hand_by_it(path: Path) -> None:
+    specs = Library(path.parent, path.parent / "uploads")
+    path.write_text((SPEC % 2).replace("id: x", "id: y"))
+    assert specs.get("y").file.text == (SPEC % 2).replace("id: x", "id: y")
+    with pytest.raises(SpecError, match="the id was 'x' and has changed"):
+        specs.get("x")
+    path.write_text(SPEC % 3)
+    assert specs.get("x").file.text == SPEC % 3
+
+
+def test_of_two_files_with_one_id_the_other_counts_once_the_first_is_gone(path: Path) -> None:
+    other = path.with_name("z.yaml")
+    other.write_text(SPEC % 2)
+    specs = Library(path.parent, path.parent / "uploads")
+    assert [*reasons(specs)] == ["x z.yaml"]
+    path.unlink()
+    assert specs.get("x").file.text == SPEC % 2
+    assert reasons(specs) == {}
