@@ -85,7 +85,7 @@ class Connection:
         await self._closed.wait()
 
     async def reached(self) -> bool:
-        """Whether the monitor's system takes what is sent, within `_STALLED` seconds."""
+        """Whether the monitor answers within `_STALLED` seconds."""
         return self._direct is None or await self._direct.reached(_STALLED)
 
     @property

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import fcntl
 import socket
 import sys
-import termios
 from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Protocol, cast
@@ -16,7 +14,7 @@ import h11
 from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
-from websockets.frames import CloseCode
+from websockets.frames import CloseCode, Frame
 from websockets.http11 import Request
 from websockets.protocol import OPEN
 
@@ -29,8 +27,8 @@ READ_WITHIN = 10.0
 _LOOK_EVERY = READ_WITHIN / 10
 _ACKED = slice(120, 128)
 """Where `bytes_acked` stands in Linux's `tcp_info`."""
-_ASK_EVERY = 0.05
-"""Seconds between two looks at whether a ping was taken."""
+_THERE = b"there?"
+"""What a ping says by which it is asked whether a client is there still; the others are of the keepalive."""
 _CLOSE_WITHIN = 5.0
 """Seconds for which a closed WebSocket may have unsent data."""
 VISITOR = "oracle.visitor"
@@ -95,13 +93,24 @@ class HttpTransport(H11Protocol):
 
     def _look(self, before: tuple[int, int] | None, since: float) -> None:
         """Abort where the client has read nothing for `READ_WITHIN`; what it had taken `before` it had `since` then."""
-        now, taken = self.loop.time(), (self.transport.get_write_buffer_size(), _acked(self.transport) or 0)
+        now, taken = self.loop.time(), (self.transport.get_write_buffer_size(), self._acked())
         if taken != before:
             since = now
         elif now - since >= READ_WITHIN:
             self.transport.abort()
             return
         self._read_timer = self.loop.call_later(_LOOK_EVERY, self._look, taken, since)
+
+    def _acked(self) -> int:
+        """Bytes that the client's system has received, 0 where this one does not tell: then what waits here shrinks.
+
+        What waits here does so by leaps only, each as large as the system's buffers.
+        """
+        try:
+            told = self.transport.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _ACKED.stop)
+        except (AttributeError, OSError):
+            return 0
+        return int.from_bytes(told[_ACKED], sys.byteorder)
 
     def _stop_read_timer(self) -> None:
         if self._read_timer is not None:
@@ -135,6 +144,7 @@ class WebSocketTransport(SlicedWebSocket):
 
     receiver: Receiver | None = None
     _cut_off = False
+    _answered: asyncio.Event | None = None
     _was_paused = False
     """Whether reading was paused since the last ping was sent, so that its answer may be unread."""
 
@@ -208,17 +218,28 @@ class WebSocketTransport(SlicedWebSocket):
         return True
 
     async def reached(self, within: float) -> bool:
-        """Whether the client's system takes a ping within some seconds; always where this one does not tell."""
-        acked, until = _acked(self.transport), self.loop.time() + within
-        if acked is not None and self.conn.state is OPEN:
-            acked += _unacked(self.transport)  # may have arrived before the client was lost
-            self.conn.send_ping(b"")
+        """Whether the client answers a ping within some seconds, or its answer may be unread.
+
+        What its system takes tells nothing: behind a proxy that is the proxy's.
+        """
+        if self.conn.state is OPEN and not self.transport.is_closing():
+            answered = self._answered = self._answered or asyncio.Event()
+            answered.clear()
+            self.conn.send_ping(_THERE)
             self.transport.write(b"".join(self.conn.data_to_send()))
-            while (told := _acked(self.transport)) is not None and told <= acked:
-                if self.loop.time() >= until:
-                    return False
-                await asyncio.sleep(_ASK_EVERY)
+            try:
+                async with asyncio.timeout(within):
+                    await answered.wait()
+            except TimeoutError:
+                return self._was_paused and not self.transport.is_closing()
         return not self.transport.is_closing()
+
+    def handle_pong(self, event: Frame) -> None:
+        """Note that the client is there, where that was asked."""
+        if bytes(event.data) != _THERE:
+            super().handle_pong(event)
+        elif self._answered is not None:
+            self._answered.set()
 
     async def send(self, message: ASGISendEvent) -> None:
         """Send a message, unless the socket has failed.
@@ -269,24 +290,6 @@ def http_transport(of: Visitors) -> type[HttpTransport]:
         visitors = of
 
     return Counted
-
-
-def _acked(transport: asyncio.Transport) -> int | None:
-    """Bytes that the client's system has received, None where this one does not tell.
-
-    What waits here is no measure: it shrinks by leaps only, each as large as the system's buffers.
-    """
-    try:
-        told = transport.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _ACKED.stop)
-    except (AttributeError, OSError):
-        return None
-    return int.from_bytes(told[_ACKED], sys.byteorder)
-
-
-def _unacked(transport: asyncio.Transport) -> int:
-    """Bytes that the system has to send, or was not told that the client's has received."""
-    number = fcntl.ioctl(transport.get_extra_info("socket").fileno(), termios.TIOCOUTQ, bytes(4))
-    return int.from_bytes(number, sys.byteorder)
 
 
 def _answer(status: int, detail: str) -> bytes:

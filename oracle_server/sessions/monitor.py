@@ -35,7 +35,7 @@ class Outbox(Protocol):
         ...
 
     async def reached(self) -> bool:
-        """Whether what is sent still reaches the monitor's system; that takes some seconds where it does not."""
+        """Whether the monitor still answers what is sent; that takes some seconds where it does not."""
         ...
 
     def finish(self, frame: Outgoing) -> None:

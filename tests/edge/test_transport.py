@@ -29,6 +29,7 @@ METHODS: dict[type, dict[str, list[str]]] = {
         "data_received": ["data"],
         "handle_connect": ["event"],
         "handle_ping": [],
+        "handle_pong": ["event"],
         "keepalive_timeout": [],
         "receive": [],
         "run_asgi": [],

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from tests.whole.client import (
     Frame,
     attached,
@@ -169,14 +171,18 @@ async def test_another_process_of_the_name_takes_over_once_the_connection_is_los
     assert [r["degraded"] for r in server.records(session, property="a_is_small")] == [False] * 3
 
 
+@pytest.mark.parametrize("behind_a_proxy", [False, True])
 async def test_another_process_of_the_name_takes_over_where_the_old_one_is_not_reached(
-    server: Server, session: str
+    behind_a_proxy: bool, server: Server, session: str
 ) -> None:
-    """A robot that was switched off says nothing of it: its connection stands until it has answered no ping."""
+    """A robot that was switched off says nothing of it, and a proxy takes what is sent to it all the same."""
     async with attached(server, session=session, spec="pair", streams=["/a"]) as old:
         await old.send(make_event(1, data={"v": 1}))
         await old.acked(1)
-        old.lose_network()
+        if behind_a_proxy:
+            old.socket.transport.pause_reading()
+        else:
+            old.lose_network()
         async with attached(server, session=session, instance="m1-2", streams=["/a"]) as new:
             assert new.attached["next"] == 2
             await new.send(make_event(2, at=1, data={"v": 1}))
