@@ -23,6 +23,7 @@ from oracle_server.core.errors import HistoryError
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.forwarding import centre as centre_module
 from oracle_server.history.forwarding.messages import Ask
+from oracle_server.history.forwarding.robot import _BEGUN_IN
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.records import stored_revision
@@ -393,3 +394,13 @@ async def test_a_session_is_continued_by_one_of_the_same_disk(postgres: Postgres
     assert successors(postgres, url) == {
         f"s@{ORIGIN}": f"s2@{ORIGIN}", f"s2@{ORIGIN}": None, f"s.1@{ORIGIN}": f"s2.2@{ORIGIN}", f"s2.2@{ORIGIN}": None,
     }  # fmt: skip
+
+
+async def test_episodes_of_steps_are_found_without_a_look_at_all_others(tmp_path: Path) -> None:
+    """A session that lives long has many more of them than a chunk has rows, and each chunk asks."""
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        await history.flush()
+    with closing(sqlite3.connect(tmp_path / NAME)) as database:
+        plan = database.execute(f"EXPLAIN QUERY PLAN {_BEGUN_IN}", (1, 1, 9)).fetchall()
+    assert any("session=? AND property=? AND first>? AND first<?" in row[3] for row in plan), plan

@@ -29,9 +29,12 @@ _OPENED = "SELECT opened FROM sessions WHERE number = ?"
 _JUDGED = "SELECT judged FROM steps WHERE session = ? AND position = ?"
 _EPISODES = BY_NAME["episodes"]
 _BEGUN_IN = f"""
-SELECT {",".join(f"e.{name}" for name in _EPISODES.columns)} FROM sessions s JOIN episodes e ON e.session = s.number
-WHERE s.number = ? AND (e.first - 1) / json_array_length(s.properties) + 1 BETWEEN ? AND ?
+SELECT {",".join(f"e.{name}" for name in _EPISODES.columns)}
+FROM sessions s CROSS JOIN json_each(s.properties) p CROSS JOIN episodes e
+WHERE s.number = ?1 AND e.session = s.number AND e.property = p.value AND e.first
+    BETWEEN (?2 - 1) * json_array_length(s.properties) + 1 AND ?3 * json_array_length(s.properties)
 """  # noqa: S608 -- no value is in it
+"""By their key: a session may have more of them than a chunk has rows, and each chunk asks."""
 
 
 class Page(NamedTuple):
