@@ -295,3 +295,20 @@ async def test_a_robot_that_was_put_back_is_another_one_also_where_the_centre_ha
         bringing.close()
     assert [row[2:] for row in postgres.do("SELECT count(*), min(position), max(position) FROM steps", url)] == [(30,)]
     assert postgres.do(f"SELECT count(*) FROM sessions WHERE id = 'new@{ORIGIN}'", url) == [(1,)]
+
+
+async def test_what_was_closed_when_its_end_was_not_noted_stays_closed(postgres: Postgres, tmp_path: Path) -> None:
+    """A centre of an older version did not note it; else one later change would open such a session for ever."""
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        history.open_session(opened(1, "one"))
+        await add(history, *(step(p) for p in range(1, 11)))
+        history.close_session(1, 1, {"id": "one", "trouble": None})
+        await history.flush()
+        await brought(history, url, bringing)
+        postgres.do("UPDATE forwarded SET ended = NULL", url)
+        history.amend(1, step(5).step.event.monitor, 5, (True, "late"), lambda: None)
+        await history.flush()
+        assert (await brought(history, url, bringing)).rows == 1
+        bringing.close()
+    assert at_the_centre(url)["sessions"] == at_the_robot(tmp_path)["sessions"]

@@ -78,7 +78,10 @@ UPDATE sessions SET closed = NULL, state = NULL WHERE number IN (
     SELECT session FROM forwarded WHERE session = ANY(?::bigint[]) AND ended IS NULL
 ) AND closed IS NOT NULL
 """
-"""They were closed at the centre, where nobody knew whether more of them would come."""
+"""They were closed at the centre, where nobody knew whether more of them would come.
+
+Of those that were closed before there was `ended` that is unknown: their end came, and is none that is to come.
+"""
 _FIRST_OF = "DELETE FROM steps WHERE session = ? AND position BETWEEN ? AND ?"
 _REPLACED = "DELETE FROM steps WHERE session = ? AND position = ANY(?::bigint[]) RETURNING position"
 _SESSION = "DELETE FROM sessions WHERE number = ? RETURNING id"
@@ -171,7 +174,8 @@ class Centre:
         places = self.places | {number: self._begin(row) for number, row in chunk.sessions.items()}
         names = {page.session for page in chunk.pages} | {change.key[0] for change in chunk.changes}
         there = self._there(places[number].session for number in names)
-        self._database.execute(_REOPEN, (_array(there),))
+        coming = there & {places[number].session for number in chunk.coming if number in places}
+        self._database.execute(_REOPEN, (_array(coming),))
         lost = dropped = 0
         for page in chunk.pages:
             was = places[page.session]

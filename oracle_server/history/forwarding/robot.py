@@ -26,6 +26,9 @@ _NOTED = "SELECT coalesce((SELECT position FROM forwarded WHERE session = ?), 0)
 _LAST = "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'changes'), 0)"
 _CHANGES = "SELECT seq, name, session, a, b FROM changes WHERE seq > ? ORDER BY seq LIMIT ?"
 _OPENED = "SELECT opened FROM sessions WHERE number = ?"
+_COMING = (
+    "SELECT number FROM sessions WHERE closed IS NULL UNION SELECT session FROM changes WHERE name = ? AND seq > ?"
+)
 _JUDGED = "SELECT judged FROM steps WHERE session = ? AND position = ?"
 _EPISODES = BY_NAME["episodes"]
 _BEGUN_IN = f"""
@@ -65,6 +68,8 @@ class Known(NamedTuple):
 class Chunk:
     """What is brought together. `sessions` are the rows of those that the centre does not have.
 
+    `coming` are the sessions whose end is still to come.
+
     Episodes come with the step at which they begin, too: until what has changed is there, behind the steps of a
     backlog, a session that was violated would be told of as if it were not.
     """
@@ -73,6 +78,7 @@ class Chunk:
     sessions: dict[int, Row] = field(default_factory=dict)
     pages: list[Page] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
+    coming: set[int] = field(default_factory=set)
     left: int = 0
     oldest: int | None = None
 
@@ -113,6 +119,7 @@ class Robot:
         """What comes next: steps, and once all of these are there, what has changed. `cursors` are by session."""
         with self._reading():
             chunk, room = Chunk(seq), _Room(most)
+            chunk.coming = {number for (number,) in self._database.execute(_COMING, ("sessions", seq))}
             extents = self._database.execute(_EXTENTS).fetchall()
             for number, first, last in extents:
                 after = cursors.get(number, 0)
