@@ -23,10 +23,11 @@ properties:
 """
 
 
-def told(derived: str = "other: limit", formula: str = "{topic: /cmd} -> {rate >= 10}") -> list[str]:
+def told(derived: str = "other: limit", formula: str = "{topic: /cmd} -> {rate >= 10}", more: str = "") -> list[str]:
     """What is said of a derived signal on line 10, and of a formula on line 12."""
+    text = SPEC.replace("DERIVED", derived).replace("FORMULA'", f"{formula}'{more}")
     try:
-        found = parse_spec(SPEC.replace("DERIVED", derived).replace("FORMULA", formula), "s.yaml").warnings
+        found = parse_spec(text, "s.yaml").warnings
     except SpecError as error:
         found = tuple(error.findings)
     return [f"{f.line}:{f.column} {'' if f.severity == 'error' else 'warning: '}{f.message}" for f in found]
@@ -94,7 +95,7 @@ def test_what_a_formula_asks_of_them_can_be_met(formula: str, says: str) -> None
 
 
 def test_a_rate_that_is_demanded_before_it_is_known_is_warned_of() -> None:
-    (warned,) = told(formula="{rate >= 10}")
+    (warned,) = told(formula="{rate >= 10}", more=", time: seconds")
     assert warned.startswith("12:23 warning: formula of 'p': `{rate >= 10}` is false in the first 2s of a session")
     assert warned.endswith("write `not {rate < 10}`")
 
@@ -115,7 +116,7 @@ def test_a_rate_that_is_demanded_before_it_is_known_is_warned_of() -> None:
     ],
 )
 def test_nothing_is_said_of_what_is_right(formula: str) -> None:
-    assert told(formula=formula) == []
+    assert told(formula=formula, more=", time: seconds") == []
 
 
 def test_a_spec_without_derived_signals_means_what_it_did() -> None:

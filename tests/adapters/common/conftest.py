@@ -200,6 +200,11 @@ class Oracle:
             self._run(self._break(server))
 
     async def _break(self, server: asyncio.AbstractServer) -> None:
+        for listening in cast(asyncio.Server, server).sockets:
+            self._loop.remove_reader(listening.fileno())
+        # Python 3.11 leaves open what it is accepting while the server closes.
+        accepting = asyncio.all_tasks() - {asyncio.current_task()}
+        await asyncio.gather(*accepting, return_exceptions=True)
         server.close()
         await asyncio.sleep(0)  # what has just come is known from the next turn on
         for transport in self.transports:
@@ -209,21 +214,10 @@ class Oracle:
 
     def end(self) -> None:
         self.stop()
-        self._run(self._cancel_the_rest())
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
         self._place.close()
-
-    async def _cancel_the_rest(self) -> None:
-        """A connection may have come just as the server closed."""
-        rest = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
-        for transport in self.transports:
-            transport.abort()
-        await asyncio.sleep(0)
 
     def accept(self) -> Peer:
         """The next connection."""
