@@ -49,7 +49,9 @@ class Fleet:
     async def __aexit__(self, failed: object, *_: object) -> None:
         """End all, however it can be done; of a test that fails, show what they said last."""
         if failed:
-            print(*((name, line) for name, node in self.nodes.items() for line in node.log[-25:]), sep="\n")
+            for name, node in self.nodes.items():
+                said = [line for line in node.log if not line["event"].startswith("violation")]
+                print(*((name, line) for line in said[-50:]), sep="\n")
         for task in self._reviving:
             task.cancel()
         await asyncio.gather(*self._reviving, return_exceptions=True)
