@@ -200,7 +200,7 @@ class Oracle:
             self._run(self._break(server))
 
     async def _break(self, server: asyncio.AbstractServer) -> None:
-        for listening in cast(asyncio.Server, server).sockets:
+        for listening in cast("asyncio.Server", server).sockets:
             self._loop.remove_reader(listening.fileno())
         # Python 3.11 leaves open what it is accepting while the server closes.
         accepting = asyncio.all_tasks() - {asyncio.current_task()}
