@@ -394,5 +394,7 @@ def _version(path: Path) -> FileVersion | None:
 
 
 def _files(place: Path) -> list[Path]:
-    """The specs' files in a folder; the file itself where it is one."""
-    return [place] if place.is_file() else sorted([*place.glob("*.yaml"), *place.glob("*.yml")])
+    """The specs' files in a folder; the file itself where it is one. To read a pipe would wait for who writes to it."""
+    if place.is_file():
+        return [place]
+    return sorted(path for path in (*place.glob("*.yaml"), *place.glob("*.yml")) if not path.is_fifo())

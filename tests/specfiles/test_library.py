@@ -165,6 +165,14 @@ def test_a_new_file_is_on_hand_when_its_spec_is_wanted_or_listed(path: Path) -> 
     assert [*reasons(specs)] == ["bad bad.yaml"]
 
 
+def test_a_pipe_in_the_folder_keeps_no_spec_waiting(path: Path) -> None:
+    specs = Library(path.parent, path.parent / "uploads")
+    os.mkfifo(path.with_name("pipe.yaml"))
+    with pytest.raises(UnknownSpecError):
+        specs.get("pipe")
+    assert [entry.id for entry in specs.listed()] == ["x"]
+
+
 def test_a_folder_that_is_made_later_is_read(tmp_path: Path) -> None:
     specs = Library(tmp_path / "specs", tmp_path / "uploads")
     with pytest.raises(UnknownSpecError):
