@@ -58,6 +58,7 @@ class MatchedSubscription:
             self._drain(self._subscriptions[0])
             self._node.destroy_subscription(self._subscriptions.pop(0))
         self._publishers = self._look_around()
+        self._looked_for = {source for source in self._looked_for if any(s.startswith(source) for s in self.sources)}
         self.unpublished.look(lambda: bool(self._publishers), self._others, self._is_others)
         wanted = to_request(self.offered)
         if self.offered and not same(wanted, self._profile):
