@@ -18,7 +18,7 @@ class Counted(Explained):
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:
         """Record the outcome of verdict number `verdict`; true where the property became negative with it."""
-        unanswered = len(self.unanswered) if self.outcome not in FINAL else 0
+        unanswered = self.unanswered.count if self.outcome not in FINAL else 0
         if unanswered:
             return self._count(verdict, outcome, unanswered)
         if outcome is self.outcome:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from oracle_server.core.engine import Engine, Explaining
 from oracle_server.core.explanation import Why
-from oracle_server.core.owing import Unanswered
+from oracle_server.core.owing import AllUnanswered
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
@@ -24,7 +24,7 @@ class Explained:
     past: Callable[[], Past | None] | None
     lacking: Callable[[], str | None] | None
     unexplained: int
-    unanswered: Sequence[Unanswered]
+    unanswered: AllUnanswered
     _inexplicable: str
 
     @property

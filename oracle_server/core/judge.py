@@ -17,6 +17,7 @@ from oracle_server.core.episode import Following, loaded, saved
 from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Source, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
+from oracle_server.core.owing import NO_UNANSWERED
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
@@ -182,7 +183,7 @@ class Judge(Blaming):
         self._tick, self._explained = (time, signals, failed), 0
         found, settles, others = [], False, []
         for i, (state, view) in enumerate(zip(self.properties, views, strict=True)):
-            state.unanswered = ()
+            state.unanswered = NO_UNANSWERED
             if i not in turned and not self._due(state, time):
                 found.append(state.outcome)
                 others.append(state)
@@ -204,7 +205,7 @@ class Judge(Blaming):
         None where no obligation is decided by that.
         """
         for state in self.properties:
-            state.unanswered = ()
+            state.unanswered = NO_UNANSWERED
         found = [state.end() for state in self.properties]
         if not any(state.settles for state in self.properties):
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from oracle_server.core.engine import Engine
@@ -21,6 +22,21 @@ class Unanswered(NamedTuple):
     values: Mapping[str, Scalar]
 
 
+@dataclass(frozen=True, slots=True)
+class AllUnanswered:
+    """How many obligations were decided false together, and the oldest of them, `MOST_TOLD` at most."""
+
+    told: Sequence[Unanswered]
+    count: int
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return self.count > 0
+
+
+NO_UNANSWERED = AllUnanswered((), 0)
+
+
 class Owed(Protocol):
     """The obligations of one formula in one session."""
 
@@ -33,8 +49,8 @@ class Owed(Protocol):
     closed: int
     """How many were decided with the last step, or by the time that came last."""
 
-    def unanswered(self) -> Sequence[Unanswered]:
-        """Those that were decided false, the oldest first."""
+    def unanswered(self) -> AllUnanswered:
+        """Those of them that were decided false."""
         ...
 
 
@@ -68,4 +84,4 @@ class Guarding(Owing, Protocol):
 
 def about(unanswered: Sequence[Unanswered]) -> list[AboutRecord]:
     """What a record tells of obligations that were not answered."""
-    return [{**each.event, "values": dict(each.values)} for each in unanswered[:MOST_TOLD]]
+    return [{**each.event, "values": dict(each.values)} for each in unanswered]

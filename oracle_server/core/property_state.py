@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.lost import lost
-from oracle_server.core.owing import Guarding, Owed, Owing, Unanswered
+from oracle_server.core.owing import NO_UNANSWERED, AllUnanswered, Guarding, Owed, Owing
 from oracle_server.core.past import Past
 from oracle_server.core.plan import View
 from oracle_server.core.records import EventRecord
@@ -89,7 +89,7 @@ class PropertyState(Counted):
     unexplained: int = 0
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
-    unanswered: Sequence[Unanswered] = ()
+    unanswered: AllUnanswered = NO_UNANSWERED
     """The obligations that were decided false at the last step, or by the time that came last."""
     owed: Owed | None = field(init=False, default=None)
     """Its obligations, None where its formula only looks back, or it is not judged any more."""
@@ -125,7 +125,7 @@ class PropertyState(Counted):
     ) -> Outcome:
         """The outcome at the next step, which may cost what is `allowed`; `latest` (ns) is past, whatever its stamp."""
         self.work = self.idle_work = 0
-        self.unanswered, self.is_innocent = (), False
+        self.unanswered, self.is_innocent = NO_UNANSWERED, False
         if self.outcome in FINAL:
             if self._goes_on:
                 self._ask_beneath(view, time, signals, failed, allowed)

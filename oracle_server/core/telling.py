@@ -102,7 +102,7 @@ class Telling:
         self, state: PropertyState, signals: Mapping[str, Scalar], failed: Names, time: int, *, judged: bool = True
     ) -> Explanation:
         """Why the last outcome is as it is; of what waits for what comes no signal is `judged` at a tick."""
-        told, count = tuple(about(state.unanswered)), len(state.unanswered)
+        told, count = tuple(about(state.unanswered.told)), state.unanswered.count
         if state.why is None:
             return Explanation(state.property.text, signals, about=told, about_count=count)
         timed = state.property.time == "seconds"

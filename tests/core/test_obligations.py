@@ -7,10 +7,13 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.native import triggers
+from oracle_server.engines.native.keys import Key
+from oracle_server.engines.native.obligations import Obligations
 from tests.core.owing import about, native, opened, records, timed
 from tests.core.sessions import A, B, Feed, open_session, prop
 
@@ -59,6 +62,25 @@ def test_a_record_has_at_most_a_hundred_of_them_and_their_count() -> None:
     assert [len(found["about"]), found["about_count"], found["pending"]] == [100, 150, 0]
     assert [each["step"] for each in found["about"]] == list(range(1, 101))
     assert session.judges["arrival"].properties[0].violations == 150
+
+
+def test_of_those_that_are_not_told_the_values_are_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They would take longer than to decide them, while all sessions wait."""
+    read, values = list[Key](), Obligations.values
+
+    def noted(owed: Obligations, key: Key) -> dict[str, Scalar]:
+        read.append(key)
+        return values(owed, key)
+
+    monkeypatch.setattr(Obligations, "values", noted)
+    session = opened(prop("p", "forall[x]. {v: *x} -> always[:10000] not {b}"))
+    feed = Feed(session)
+    for n in range(1, 1001):
+        feed(A, n, {"v": n})
+    (found,) = records(feed(B, 2000, {"b": True}))
+    assert [each["values"]["x"] for each in found["about"]] == list(range(1, 101))
+    assert (found["about_count"], found["explanation"]["other_values"]) == (1000, 999)
+    assert len(read) < 2 * len(found["about"])
 
 
 def test_what_can_not_be_judged_is_lost_and_no_violation() -> None:

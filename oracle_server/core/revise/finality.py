@@ -9,6 +9,7 @@ import msgspec
 
 from oracle_server.core.engine import MAX_WORK
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.owing import NO_UNANSWERED
 from oracle_server.core.plan import View
 from oracle_server.core.property_state import Mark, Names, PropertyState
 from oracle_server.core.verdicts import FINAL, Outcome
@@ -61,7 +62,7 @@ class RevisableState(PropertyState):
             self.changed.append(self)
             return self.repeated or self._final(time)
         self.work = self.idle_work = 0
-        self.unanswered, self.is_innocent = (), False
+        self.unanswered, self.is_innocent = NO_UNANSWERED, False
         if self.final is not None and self._goes_on:
             self.changed.append(self)
             self._ask_beneath(view, time, signals, failed, allowed)

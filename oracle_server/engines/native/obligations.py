@@ -11,33 +11,20 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.lost import Lost
-from oracle_server.core.owing import Unanswered
+from oracle_server.core.owing import NO_UNANSWERED, AllUnanswered, Unanswered
 from oracle_server.core.records import EventRecord
 from oracle_server.engines.native.body import NOTHING, weight
 from oracle_server.engines.native.eventually import Eventually
 from oracle_server.engines.native.joined import Leaf, Pattern, fits
 from oracle_server.engines.native.keys import Key, Region, Variables, is_fresh, key_of, read_key, texts_of
+from oracle_server.engines.native.resolved import Decided, count, first_failed
 from oracle_server.engines.native.timeline import FEW, Timeline
 from oracle_server.engines.native.triggers import Triggers
 from oracle_server.engines.native.until import Until
 from oracle_server.engines.native.waiting import FALSE, LOST, OPEN, Awaited, Moment, Present
 from oracle_server.engines.native.within import Within
-
-
-class Decided(msgspec.Struct, frozen=True, gc=False):
-    """An obligation that was decided: the step that triggered it, for which values, what came of it, and its event.
-
-    `value` is `TRUE`, `FALSE` or `LOST`.
-    """
-
-    start: Moment
-    key: Key
-    value: int
-    event: EventRecord
 
 
 class Obligations:
@@ -192,11 +179,13 @@ class Obligations:
 
     @property
     def failed(self) -> list[Decided]:
-        """What was decided false with the last step, or by the time that came last, the oldest first."""
-        if not self.broken:
-            return []
-        found = [each for each in self.decided if each.value == FALSE]
-        return sorted(found, key=lambda each: (each.start, texts_of(each.key)))
+        """What was decided false with the last step, or by the time that came last, the oldest first; see there."""
+        return first_failed(self.decided) if self.broken else []
+
+    @property
+    def failures(self) -> int:
+        """How many were decided false then."""
+        return count(self.decided, FALSE) if self.broken else 0
 
     def is_over(self, start: Moment, upper: int | None) -> bool:
         """Whether nothing that comes can be within a bound of a step."""
@@ -205,16 +194,18 @@ class Obligations:
     @property
     def lost(self) -> int:
         """How many can't be decided any more, as of the last step or the time that came last."""
-        return sum(each.value == LOST for each in self.decided)
+        return count(self.decided, LOST)
 
     @property
     def closed(self) -> int:
         """How many were decided with the last step, or by the time that came last."""
         return len(self.decided)
 
-    def unanswered(self) -> Sequence[Unanswered]:
-        """Those of them that were decided false, the oldest first."""
-        return [Unanswered(each.event, self.values(each.key)) for each in self.failed] if self.broken else ()
+    def unanswered(self) -> AllUnanswered:
+        """Those of them that were decided false."""
+        if not self.broken:
+            return NO_UNANSWERED
+        return AllUnanswered([Unanswered(each.event, self.values(each.key)) for each in self.failed], self.failures)
 
     def values(self, key: Key) -> dict[str, Scalar]:
         """The values of the variables at a key."""

@@ -15,9 +15,10 @@ from oracle_server.core.past import Past
 from oracle_server.engines.native.build import Network
 from oracle_server.engines.native.explain import A_PART, Explainer
 from oracle_server.engines.native.keys import texts_of
-from oracle_server.engines.native.obligations import Decided, Obligations
+from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.parts import Part
 from oracle_server.engines.native.recall import Recall
+from oracle_server.engines.native.resolved import Decided
 from oracle_server.engines.native.unmet import Unmet
 from oracle_server.engines.native.wording import Wording, given, named
 
@@ -55,7 +56,7 @@ def _explain(formula: Formula, owed: Obligations, time: Time, reasons: Reasons |
         text = f"none of its obligations failed here; {owed.pending} of them are open"
         return Why(True, {}, 0, (Reason(named(formula, time), True, text),))
     told = _Telling(formula, owed, time, reasons, unmet)
-    return Why(False, owed.values(failed[0].key), len(failed) - 1, tuple(map(told.reason, failed[:_MOST_TOLD])))
+    return Why(False, owed.values(failed[0].key), owed.failures - 1, tuple(map(told.reason, failed[:_MOST_TOLD])))
 
 
 class _Telling:
