@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import msgspec
@@ -75,6 +75,8 @@ class Judge(Blaming):
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
+        self.is_deciding = False
+        """Whether a part of what time decides at once is decided, and the rest is not yet."""
         self._outdated = False
         """Whether a step is older than deadlines that were judged already: they are to be judged again."""
         self._recent = Recent()
@@ -162,6 +164,15 @@ class Judge(Blaming):
         if event.ask and self._decides and self.plan.streams[event.stream].undoes:
             return self._try(step, now)
         return self._judge(step, now)
+
+    def decide(self, time: int, enough: Callable[[], bool]) -> bool:
+        """Before a tick at its next deadline (ns): let time decide a part of what is open, until `enough`.
+
+        Whether nothing is left; else nothing is judged, and no snapshot taken, before that is so and the tick.
+        """
+        owing = [state for state in self.properties if state.owed is not None and self._due(state, time)]
+        self.is_deciding = not all(state.decide(time, enough) for state in owing)
+        return not self.is_deciding
 
     def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
         """Judge a step at `time` without an event's own signals, and take it back; None where it changes no outcome.

@@ -65,6 +65,13 @@ class Owing(Engine, Protocol):
         """For the next step alone: these atoms can't be judged."""
         ...
 
+    def decide(self, time: int, enough: Callable[[], bool]) -> bool:
+        """Before `pass_time`: decide a part of what that would, until `enough`; whether nothing of it is left.
+
+        No step may come, and nothing be saved, before `pass_time` was called with this time (ns).
+        """
+        ...
+
     def pass_time(self, time: int) -> None:
         """Time (ns) has come without a step: what it decides is decided for good."""
         ...

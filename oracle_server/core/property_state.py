@@ -99,6 +99,8 @@ class PropertyState(Counted):
     """Whether an event that was denied may still count, since it has happened for all that; see `blame: caused`."""
     is_innocent: bool = False
     """Whether the last step holds by itself, where the property is latched."""
+    _failure: Exception | None = field(init=False, default=None)
+    """What its next tick fails by."""
     _goes_on: bool = field(init=False)
     """Whether the engine is asked on once the property is latched, to tell whom it blames."""
     _guarding: Guarding | None = field(init=False)
@@ -232,6 +234,16 @@ class PropertyState(Counted):
             return Outcome.UNKNOWN
         return Outcome.FALSE if self.property.latch and outcome in NEGATIVE else outcome.current
 
+    def decide(self, time: int, enough: Callable[[], bool]) -> bool:
+        """Before a tick at which it is due: let time decide a part of what it will then; whether nothing is left."""
+        if self.owed is None or not isinstance(self.engine, Owing):
+            return True
+        try:
+            return self.engine.decide(time, enough)
+        except Exception as error:  # noqa: BLE001 -- as with the tick, which tells of it
+            self._failure = error
+            return True
+
     def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step without signals but held ones, in the place of the next one."""
         engine = self._revisable
@@ -344,6 +356,8 @@ class PropertyState(Counted):
     def _pass(self, passes: Callable[[], None]) -> Outcome:
         """The outcome once time has decided what it does, for good."""
         try:
+            if self._failure is not None:
+                raise self._failure  # noqa: TRY301 -- it is as if that came now
             passes()
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.give_up(str(error) or type(error).__name__)

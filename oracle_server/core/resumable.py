@@ -79,7 +79,7 @@ class Resumable:
         snapshot is as of before a row.
         """
         judge = None if self.lateness is None else self.lateness.judge
-        if any(each.is_ticking for each in self.judges.values()):
+        if any(each.is_ticking or each.is_deciding for each in self.judges.values()):
             return False
         return not (self.asking or self.rows) and (judge is None or not (judge.is_going or judge.unknown))
 

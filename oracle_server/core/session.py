@@ -316,6 +316,9 @@ class Session(Resumable):
                 self._unticked |= {} if done else {order: until}
             return judged
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
+            if not judge.decide(deadline, _never if wholly else self._enough):
+                self._unticked[order] = until
+                break
             tick = judge.tick(deadline, self.now)
             if tick is not None:
                 judged.append(tick)

@@ -6,9 +6,13 @@ import asyncio
 from itertools import count, pairwise
 from pathlib import Path
 
+import pytest
+
+from oracle_server.core.errors import EngineError
 from oracle_server.core.events import Signals
 from oracle_server.core.spec import SECOND
-from oracle_server.core.verdicts import Judged
+from oracle_server.core.verdicts import Judged, Outcome
+from oracle_server.engines.native.timeline import Timeline
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.query import Query
 from oracle_server.sessions.shares import FREE, Shares
@@ -100,6 +104,94 @@ async def test_deadlines_that_expire_at_once_are_judged_in_turns_and_events_come
     assert ticks >= HELD
     assert max(after - before for before, after in pairwise(done)) <= 2
     assert await sessions.closed_within(session, PATIENCE)
+    history.close()
+
+
+OWING = """
+id: owing
+ordering: {by: arrival}
+streams:
+  - {topic: /a, signals: {v: msg.v}}
+  - {topic: /b, signals: {v: msg.v}}
+properties:
+  - id: p
+    time: seconds
+    formula: 'forall[x]. {topic: "/a", v: *x} -> eventually[0:2s] {topic: "/b", v: *x}'
+"""
+
+
+async def test_what_runs_out_at_one_time_is_decided_in_turns_and_told_at_once(tmp_path: Path) -> None:
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path, OWING, shares=hurried(), clock=clock)
+    session, monitor = await sessions.attach(attach("s", "owing"), Kept())
+    state = session.core.judges["arrival"].properties[0]
+
+    def send(seq: int, stream: str, value: int) -> None:
+        session.share.run(session.ingest, monitor, EventMessage(seq=seq, stream=stream, stamp=seq, data={"v": value}))
+
+    for seq in range(1, HELD + 1):
+        send(seq, "/a", seq)
+    clock.time += 10 * SECOND
+    session.share.run(session._tick)
+    open_ones = [HELD, state.pending or 0]
+    assert not session.core.can_be_saved
+    async with asyncio.timeout(PATIENCE):
+        waiting = asyncio.create_task(session.caught_up())
+        while not waiting.done():
+            open_ones.append(state.pending or 0)
+            await asyncio.sleep(0)
+    open_ones.append(state.pending or 0)
+    assert max(before - after for before, after in pairwise(open_ones)) <= 2
+    assert (open_ones[-1], state.violations, session.core.can_be_saved) == (0, HELD, True)
+    send(HELD + 1, "/a", 1)
+    clock.time += 10 * SECOND
+    session.share.run(session._tick)
+    assert await sessions.closed_within(session, PATIENCE)
+    found, _ = await find(history, session.record, Query(limit=1000))
+    told = [(record["kind"], record["about_count"]) for record in found if record["violation"]]
+    assert told == [("tick", HELD), ("tick", 1)]
+    history.close()
+
+
+async def test_an_event_that_comes_meanwhile_is_judged_behind_all_that_has_run_out(tmp_path: Path) -> None:
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path, OWING, shares=hurried(), clock=clock)
+    session, monitor = await sessions.attach(attach("s", "owing"), Kept())
+    for seq in range(1, HELD + 1):
+        session.share.run(session.ingest, monitor, EventMessage(seq=seq, stream="/a", stamp=seq, data={"v": seq}))
+    clock.time += 10 * SECOND
+    session.share.run(session._tick)
+    answer = EventMessage(seq=HELD + 1, stream="/b", stamp=HELD + 1, data={"v": HELD})
+    session.share.run(session.ingest, monitor, answer)
+    assert not session.core.is_behind
+    assert await sessions.closed_within(session, PATIENCE)
+    found, _ = await find(history, session.record, Query(limit=1000))
+    assert [(record["kind"], record["about_count"]) for record in found[HELD:]] == [("tick", HELD), ("topic", 0)]
+    history.close()
+
+
+async def test_what_costs_too_much_at_one_time_ends_its_property_alone_though_it_was_begun_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_out(_: Timeline, count: int) -> None:
+        if count > HELD // 2:
+            raise EngineError("its deadlines cost too much")
+
+    monkeypatch.setattr(Timeline, "run_out", run_out)
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path, OWING, shares=hurried(), clock=clock)
+    session, monitor = await sessions.attach(attach("s", "owing"), Kept())
+    for seq in range(1, HELD + 1):
+        session.share.run(session.ingest, monitor, EventMessage(seq=seq, stream="/a", stamp=seq, data={"v": seq}))
+    clock.time += 10 * SECOND
+    async with asyncio.timeout(PATIENCE):
+        await session.caught_up()
+    (state,) = session.core.judges["arrival"].properties
+    assert (state.broken, state.outcome, state.failures) == ("its deadlines cost too much", Outcome.UNKNOWN, 1)
+    assert session.keeping.trouble is None
+    assert await sessions.closed_within(session, PATIENCE)
+    found, _ = await find(history, session.record, Query(limit=1000))
+    assert [(record["kind"], record["outcome"]) for record in found[HELD:]] == [("tick", "unknown")]
     history.close()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from operator import attrgetter
 from typing import Any
 
@@ -19,6 +19,7 @@ from oracle_server.engines.native.explain import explain
 from oracle_server.engines.native.nodes import ABSENT
 from oracle_server.engines.native.timeline import Frame, Journal, Timeline
 from oracle_server.engines.native.unanswered import explain_obligations
+from oracle_server.engines.native.waiting import never
 
 _NEVER = 2**63
 _current = attrgetter("current")
@@ -100,12 +101,19 @@ class NativeEngine:
         if lost:
             self._due = 0
 
+    def decide(self, time: int, enough: Callable[[], bool]) -> bool:
+        """Before `pass_time`: decide a part of what it will; see `Owing`."""
+        assert self.owed is not None  # noqa: S101 -- it waits for something
+        if self.owed.passing is None:
+            self.mark()
+            self.owed.number = self._steps
+        return self.owed.decide(time, enough)
+
     def pass_time(self, time: int) -> None:
         """Time (ns) has come without a step; see `Owing`."""
         assert self.owed is not None  # noqa: S101 -- it waits for something
-        self.mark()
-        self.owed.number = self._steps
-        self.owed.pass_time(time)
+        self.decide(time, never)
+        self.owed.passing = None
         if self.owed.closed:
             self.keep()
         else:  # it is recorded nowhere, so that a restored session knows nothing of it

@@ -23,7 +23,7 @@ from oracle_server.engines.native.resolved import Decided, count, first_failed
 from oracle_server.engines.native.timeline import FEW, Timeline
 from oracle_server.engines.native.triggers import Triggers
 from oracle_server.engines.native.until import Until
-from oracle_server.engines.native.waiting import FALSE, LOST, OPEN, Awaited, Moment, Present
+from oracle_server.engines.native.waiting import FALSE, LOST, OPEN, Awaited, Moment, Present, never
 from oracle_server.engines.native.within import Within
 
 
@@ -65,6 +65,8 @@ class Obligations:
         """The present step's."""
         self.pending = 0
         """How many are open."""
+        self.passing: int | None = None
+        """The time that is being decided; whoever has it decided sets this to None, which ends it."""
         self.changes: list[Key] = []
         self._names, self._present, self._trigger, self._losing = names, present, trigger, losing
         self._goal, self._leaves = goal, leaves
@@ -81,6 +83,8 @@ class Obligations:
         self._triggers = Triggers(self._timeline)
         self._awake: frozenset[Key] = frozenset()
         """The keys that are looked at with the next step, whether or not an operand changes."""
+        self._over = 0
+        """How many obligations have run out at the present time."""
         self._triggered = False
         """Whether the last step was a trigger, or may have been one."""
         self._loses = False
@@ -119,7 +123,8 @@ class Obligations:
                 self.broken = self.broken or value == FALSE
         for deadlines in self._deadlines:
             if deadlines.queue and deadlines.queue[0][0] < present.now:
-                self._expire()
+                self._over = 0
+                self._expire(never)
                 break
         if self._keyed:
             self._awake = self._restless(keys, triggered)
@@ -135,11 +140,12 @@ class Obligations:
         awake += [key for key in triggered if key in counts and not is_still(key)]
         return frozenset(awake) if awake else _NONE
 
-    def pass_time(self, time: int) -> None:
-        """Time has come without a step: what is over is decided."""
-        self._begin(time)
-        self.at_step = False
-        self._expire()
+    def decide(self, time: int, enough: Callable[[], bool]) -> bool:
+        """Time has come without a step: decide of what is over until `enough`; whether nothing of it is left."""
+        if self.passing is None:
+            self._begin(time)
+            self.at_step, self.passing, self._over = False, time, 0
+        return self._expire(enough)
 
     def forget(self) -> None:
         """Tell no more of what was decided before."""
@@ -225,6 +231,8 @@ class Obligations:
 
     def next_deadline(self, after: int) -> int | None:
         """The first time later than `after` at which time alone decides something."""
+        if self.passing is not None and after < self.passing:
+            return self.passing
         found = [later for deadlines in self._deadlines if (later := deadlines.later(after)) is not None]
         return min(found, default=None)
 
@@ -353,15 +361,18 @@ class Obligations:
             return self._counts
         return [key_of(pattern.texts) for pattern in patterns]
 
-    def _expire(self) -> None:
-        """Decide what is over. Raises `EngineError` where that is too much at once."""
-        count = 0
+    def _expire(self, enough: Callable[[], bool]) -> bool:
+        """Decide what is over until `enough`; whether nothing is left. Raises `EngineError` where it is too much."""
+        self._timeline.run_out(self._over)
         for deadlines in self._deadlines:
-            for key in deadlines.take():
+            while (key := deadlines.take()) is not None:
                 before = len(self.decided)
                 self._goal.passed(key)
-                count += max(1, len(self.decided) - before)
-                self._timeline.run_out(count)
+                self._over += max(1, len(self.decided) - before)
+                self._timeline.run_out(self._over)
+                if enough():
+                    return False
+        return True
 
     def _firsts(self) -> Iterator[int]:
         return (first for deadlines in self._deadlines if (first := deadlines.first) is not None)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping, MutableMapping, MutableSequence, Sequence
+from collections.abc import Iterable, Mapping, MutableMapping, MutableSequence, Sequence
 from functools import partial
 from operator import itemgetter
 from typing import Any, NoReturn, Protocol, TypeVar
@@ -51,6 +51,11 @@ def all_of(values: Iterable[int]) -> int:
 def any_of(values: Iterable[int]) -> int:
     """What a disjunction comes to."""
     return NEGATED[all_of([NEGATED[value] for value in values])]
+
+
+def never() -> bool:
+    """That nothing was enough yet."""
+    return False
 
 
 class Present:
@@ -193,13 +198,15 @@ class Awaited(Protocol):
 class Deadlines:
     """When the starts of a node are over, the earliest first; those that were met meanwhile are skipped."""
 
-    __slots__ = ("_present", "_rows", "queue", "reach")
+    __slots__ = ("_over", "_present", "_rows", "queue", "reach")
 
     def __init__(self, present: Present, rows: Mapping[Key, Waits], upper: int | None) -> None:
         self._present, self._rows = present, rows
         self.reach = 0 if upper is None else upper + present.slack
         """How much later than a start the last time is at which it is not over, where there is one."""
         self.queue: deque[Deadline] = deque()
+        self._over: set[Key] = set()
+        """Those of the present time that were taken."""
 
     def add(self, key: Key, start: Moment) -> None:
         """A start, which is over some time."""
@@ -223,12 +230,15 @@ class Deadlines:
         place = bisect_left(self.queue, after, key=_over)
         return self.queue[place][0] + 1 if place < len(self.queue) else None
 
-    def take(self) -> Collection[Key]:
-        """The keys at which some are over; there are deadlines."""
-        queue, now, found = self.queue, self._present.now, dict[Key, None]()
-        while queue and queue[0][0] < now:
-            found[self._pop()[1]] = None
-        return list(found)
+    def take(self) -> Key | None:
+        """The next key at which some are over; None behind the last one."""
+        while self.queue and self.queue[0][0] < self._present.now:
+            key = self._pop()[1]
+            if key not in self._over:
+                self._over.add(key)
+                return key
+        self._over.clear()
+        return None
 
     def clear(self) -> None:
         """Skip all: no row waits any more."""
