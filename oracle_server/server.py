@@ -11,7 +11,6 @@ import re
 import resource
 import signal
 import socket
-import ssl
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +25,7 @@ from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
+from oracle_server.edge.certificates import Certificates
 from oracle_server.edge.heads import Heads
 from oracle_server.edge.listening import bracketed, listen, listening_unix
 from oracle_server.edge.origins import Origins
@@ -92,7 +92,7 @@ def serve(settings: Settings) -> None:
             held.callback(pid_file.release)
         tokens = Tokens(settings.token_file)
         _require_protection(settings, tokens)
-        tls = _tls(settings)
+        tls = _certificates(settings)
         _require_permission(settings, tokens)
         library = _library(settings)
         receivers = load_receivers(settings.alarms) if settings.alarms else []
@@ -171,7 +171,7 @@ class _Door(NamedTuple):
     """How clients reach the server: by which socket, with which TLS and tokens."""
 
     tokens: Tokens
-    tls: ssl.SSLContext | None
+    tls: Certificates | None
     pid_file: PidFile | None
     listener: socket.socket
     unix: socket.socket | None
@@ -231,9 +231,9 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             proxy_headers=False,
             server_header=False,
             timeout_graceful_shutdown=_STOP_WITHIN,
-            ssl_context_factory=(lambda *_: tls) if tls else None,
+            ssl_context_factory=(lambda *_: tls.context) if tls else None,
         )
-        works = [access.watch()]
+        works = [access.watch()] + ([tls.watch()] if tls else [])
         if history.read_only is None:
             works += [pruner.run(settings.retain_check), history.catch_up()]
         if settings.history.startswith(POSTGRES):
@@ -304,21 +304,11 @@ def _listen_to_foxglove(settings: Settings, port: int) -> Listening:
     return Listening(settings.host, port, certificate)
 
 
-def _tls(settings: Settings) -> ssl.SSLContext | None:
-    """The TLS context of the settings. Raises `ServerError` where the certificates can't be used."""
+def _certificates(settings: Settings) -> Certificates | None:
+    """The certificates of the settings, if there are any. Raises `CertificateError` where they can't be used."""
     if settings.tls_cert is None or settings.tls_key is None:
         return None
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    try:
-        context.load_cert_chain(settings.tls_cert, settings.tls_key)
-        if settings.tls_client_ca:
-            context.load_verify_locations(settings.tls_client_ca)
-            context.verify_mode = ssl.CERT_REQUIRED
-    except OSError as error:
-        files = ", ".join(str(f) for f in (settings.tls_cert, settings.tls_key, settings.tls_client_ca) if f)
-        raise ServerError(f"{files}: can't be used for TLS: {error.strerror or error}") from None
-    return context
+    return Certificates(settings.tls_cert, settings.tls_key, settings.tls_client_ca)
 
 
 def _connections(wanted: int) -> int:

@@ -33,8 +33,8 @@ and, where they are raised:
 - `foxglove`: `FoxgloveError`, where nothing can be offered to Foxglove
 - `jobs`: `UncheckedError`, of a spec; `CrowdedError`, where too much is wanted at once;
   `JudgeError`, `FullError`, `TooLargeError` and `UnwantedError`, of a recording that was sent
-- `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it; `ListenError`, of an
-  address that can't be listened at
+- `edge`: `TokenError`, `CertificateError`; `UndeclaredRouteError`, of a route that says not who may use it;
+  `ListenError`, of an address that can't be listened at
 - `embedded`: `EmbeddedError`, of an oracle in an adapter's process that can't be opened
 - `server`: `ServerError`, a server that can't start
 - `cli`: `ServerUnreachableError`; `InitError`, of a folder that can not be begun; `CutOffError`, of output that nobody
