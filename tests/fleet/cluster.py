@@ -78,10 +78,9 @@ class Cluster:
         await self.whole()
 
     async def one_stands_for_a_moment(self) -> None:
-        """With the third of a lease since which it may not have renewed its own, it is shorter than that."""
         node = self.fleet.nodes[await self._victim()]
         node.freeze()
-        await asyncio.sleep(LEASE * self._chance.uniform(0.1, 0.6))  # waits for nothing: it is how long it stands
+        await asyncio.sleep(LEASE * self._chance.uniform(0.1, 0.9))  # waits for nothing: it is how long it stands
         node.thaw()
 
     async def connections_to_postgresql_end(self) -> None:

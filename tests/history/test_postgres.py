@@ -161,6 +161,38 @@ async def test_a_server_that_stood_still_for_too_long_decides_and_writes_nothing
     await asyncio.to_thread(second.close)
 
 
+async def test_a_server_that_stood_still_hears_whether_it_is_a_node_before_it_decides(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else what comes until its lease is renewed would be `unknown`, though nobody has taken over."""
+    monkeypatch.setattr(store, "_GRACE", PATIENCE)
+    lease, asked = 0.2, threading.Event()
+    node = await asyncio.to_thread(store.PostgresStore, postgres.empty(), lease, lambda: None, store.Node("a"))
+    hold, began = node._hold, time.monotonic()
+
+    def renewed_once_asked(*values: Any) -> None:
+        assert asked.wait(PATIENCE)
+        hold(*values)
+
+    def ask() -> str | None:
+        asked.set()
+        return node.overdue
+
+    monkeypatch.setattr(node, "_hold", renewed_once_asked)
+    await until(lambda: time.monotonic() - began > lease)
+    renewing = asyncio.create_task(asyncio.to_thread(node.renew))
+    assert await asyncio.to_thread(ask) is None
+    await renewing
+    await asyncio.to_thread(node.close)
+
+
+def test_a_lease_of_which_most_is_over_once_it_is_renewed_is_renewed_at_once(postgres: Postgres) -> None:
+    node = store.PostgresStore(postgres.empty(), 0.3, lambda: None, store.Node("a"))
+    node.transact(lambda database: database.execute("SELECT pg_sleep(0.2)"))
+    assert node.renewal == 0
+    node.close()
+
+
 async def test_what_was_committed_before_anybody_heard_of_it_is_not_committed_again(
     postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import secrets
 import socket
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeVar
 
 import structlog
@@ -21,6 +23,8 @@ PATIENCE = 10.0
 """Seconds for an answer; after them the connection is taken to be dead, and another one made."""
 _POLL = 0.1
 """Seconds between two looks at whether another process's lease has run out."""
+_GRACE = 0.5
+"""Seconds for which a lease that has run out is waited for to be renewed: this process may just have stood still."""
 
 _CLAIM = """
 INSERT INTO nodes (node, owner, epoch, until, batch, place, url)
@@ -84,14 +88,17 @@ class PostgresStore:
         Raises `HistoryError` where the database can't be used, or another process is this node.
         """
         self._url, self._lease, self._end, self._node = url, lease, end, node
-        self.renewal: float | None = lease / 3
         self._owner = secrets.token_hex(8)
         self._place = f"{socket.gethostname()}, process {os.getpid()}"
         self._database: Connection | None = None
         self._epoch = self._batch = 0
         self._doubt: _Doubt | None = None
-        self._held = time.monotonic()
+        self._held = self._tried = time.monotonic()
         self._steady = self._held - lease
+        self._news = threading.Condition()
+        self._failing = False
+        self._waited: float | None = None
+        """For which `_held` it was waited for news already, and none came."""
         self.fenced: str | None = None
         """Why this server is no node any more."""
         database = self._connected()
@@ -105,9 +112,20 @@ class PostgresStore:
         self._database = database
 
     @property
+    def renewal(self) -> float:
+        """Seconds until it wants to be renewed: a third of a lease after the last try began, however long that took."""
+        return max(0.0, self._tried + self._lease / 3 - time.monotonic())
+
+    @property
     def overdue(self) -> str | None:
-        """Why nothing may be decided: another server may have the database by now."""
-        silent = time.monotonic() - self._held
+        """Why nothing may be decided: another server may have the database by now.
+
+        Where that is noticed first, it is waited for `_GRACE` seconds at the most, in whichever thread that is: where
+        this process stood still, PostgreSQL was not silent, and says at once who has the database.
+        """
+        if self._silence > self._lease:
+            self._await_news()
+        silent = self._silence
         if self.fenced is not None or silent <= self._lease:
             return self.fenced
         return f"PostgreSQL has not answered for {silent:.0f} s"
@@ -126,7 +144,34 @@ class PostgresStore:
 
     def transact(self, work: Callable[[Connection], T]) -> T:
         """Do work in a transaction, and return what it gives once that is committed."""
-        begun = time.monotonic()
+        with self._trying():
+            return self._transacted(work)
+
+    def renew(self) -> None:
+        """Show that this server is there. Raises `HistoryError`."""
+        with self._trying():
+            database = self._again()
+            try:
+                self._hold(database, self._batch)
+            except BaseException:
+                if database.lost:
+                    self._drop(database)
+                raise
+
+    def reason(self, error: Exception) -> str:
+        """What people are told of an error."""
+        return str(error)
+
+    def close(self) -> None:
+        """Be no node any more: other ones may have the sessions."""
+        if self._database is not None:
+            try:
+                self._database.execute(_RELEASE, (self._node.name, self._owner, self._epoch))
+            except (HistoryError, ValueError):
+                log.warning("the lease is not given back; other servers go on with the sessions a little later")
+            self._database.close()
+
+    def _transacted(self, work: Callable[[Connection], T]) -> T:
         database = self._again()
         if self._doubt is not None:
             doubt, self._doubt = self._doubt, None
@@ -149,33 +194,36 @@ class PostgresStore:
                 self._doubt = None
             raise
         self._doubt, self._batch = None, batch
-        self._renewed(begun)
         return result
 
-    def renew(self) -> None:
-        """Show that this server is there. Raises `HistoryError`."""
-        begun = time.monotonic()
-        database = self._again()
+    @property
+    def _silence(self) -> float:
+        return time.monotonic() - self._held
+
+    def _await_news(self) -> None:
+        """Wait until the lease is renewed or that has failed, once for each time that it has run out."""
+        with self._news:
+            if self._waited != self._held:
+                self._news.wait_for(lambda: self._failing or self._silence <= self._lease, _GRACE)
+                self._waited = self._held
+
+    @contextmanager
+    def _trying(self) -> Iterator[None]:
+        """Note how what shows that this is a node ends; what is committed shows it for when that began."""
+        self._tried = begun = time.monotonic()
+        failing = self._failing
         try:
-            self._hold(database, self._batch)
-        except BaseException:
-            if database.lost:
-                self._drop(database)
+            yield
+            if begun - self._held > self._lease:
+                self._steady = begun
+            self._held, failing = begun, False
+        except HistoryError:
+            failing = True
             raise
-        self._renewed(begun)
-
-    def reason(self, error: Exception) -> str:
-        """What people are told of an error."""
-        return str(error)
-
-    def close(self) -> None:
-        """Be no node any more: other ones may have the sessions."""
-        if self._database is not None:
-            try:
-                self._database.execute(_RELEASE, (self._node.name, self._owner, self._epoch))
-            except (HistoryError, ValueError):
-                log.warning("the lease is not given back; other servers go on with the sessions a little later")
-            self._database.close()
+        finally:
+            with self._news:
+                self._failing = failing
+                self._news.notify_all()
 
     def _connected(self) -> Connection:
         return Connection(self._url, writer(self._owner), PATIENCE)
@@ -199,11 +247,6 @@ class PostgresStore:
             raise
         self._database = database
         return database
-
-    def _renewed(self, at: float) -> None:
-        if at - self._held > self._lease:
-            self._steady = at
-        self._held = at
 
     def _drop(self, database: Connection) -> None:
         self._database = None

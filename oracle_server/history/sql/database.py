@@ -53,12 +53,18 @@ class Store(Protocol):
 
     where: str
     """What is written to, as people are told of it."""
-    renewal: float | None
-    """Seconds after which it wants to be renewed where nothing is written; None for never."""
+
+    @property
+    def renewal(self) -> float | None:
+        """Seconds until it wants to be renewed where nothing is written; None for never."""
+        ...
 
     @property
     def overdue(self) -> str | None:
-        """Why nothing may be decided by now, whatever the writer does; None where all is well. For any thread."""
+        """Why nothing may be decided by now, whatever the writer does; None where all is well.
+
+        For any thread but the writer's, for which it may wait.
+        """
         ...
 
     def insert(self, database: Any, table: str, rows: list[Row], /) -> None:
