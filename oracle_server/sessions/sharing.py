@@ -41,10 +41,15 @@ async def close_left(registry: Registry, history: History, every: float) -> None
     while True:
         await asyncio.sleep(every)
         try:
-            for name in await history.left():
+            left = await history.left()
+        except HistoryError as error:
+            log.warning("sessions that robots have deleted can't be closed now", reason=str(error))
+            continue
+        for name in left:
+            try:
                 await registry.end(name, _CLOSE_WITHIN, DELETED_THERE)
                 log.info("a session is closed that its robot has deleted", session=name)
-        except OracleError as error:  # as where another server has just closed it
-            log.warning("sessions that robots have deleted can't be closed now", reason=str(error))
-        except Exception:  # without this task, they would never be deleted
-            log.exception("sessions that robots have deleted can't be closed now")
+            except OracleError as error:  # as where another server has just closed it
+                log.warning("a session that its robot has deleted can't be closed now", session=name, reason=str(error))
+            except Exception:  # without this task, the others would never be deleted
+                log.exception("a session that its robot has deleted can't be closed now", session=name)
