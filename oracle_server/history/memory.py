@@ -151,6 +151,9 @@ class MemoryHistory(Alone):
         """Keep nothing of a session from here on."""
         self._do(_Command(session, lambda: self._failures.setdefault(session, reason)))
 
+    def trouble(self, session: int, why: str | None) -> None:
+        """Nobody reads it elsewhere."""
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         self._do(_Command(session, lambda: self._of(session).refusals.append(refusal), done))

@@ -115,6 +115,10 @@ class Writing(Protocol):
         """Keep nothing of a session from here on but that it was closed, for a reason, since a step of it is lost."""
         ...
 
+    def trouble(self, session: int, why: str | None) -> None:
+        """Keep why an open session is not judged any more, or that it is, for those who read it elsewhere."""
+        ...
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         ...

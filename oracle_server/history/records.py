@@ -93,7 +93,7 @@ class OtherSession(NamedTuple):
     """A session that another server has open, by what is committed: its last position, and its monitors.
 
     Of each of these it has the name, whether it is attached, and its clock. What `may_end` has no server any more by
-    which it could be closed.
+    which it could be closed. `unjudged` says why it is not judged any more where it is open.
     """
 
     record: SessionRecord
@@ -103,6 +103,7 @@ class OtherSession(NamedTuple):
     monitors: list[tuple[str, bool, TimeBase]]
     trouble: str | None = None
     may_end: bool = False
+    unjudged: str | None = None
 
 
 class MonitorRecord(NamedTuple):

@@ -101,7 +101,8 @@ class Others:
 def _state(other: OtherSession) -> Document:
     """With the keys of an open session's, and its server's name; what only that one knows is None, 0 or left out."""
     record, place = other.record, other.place
-    there = [name for name, attached, _ in other.monitors if attached and place.lasting]
+    is_judged = place.lasting and other.unjudged is None
+    there = [name for name, attached, _ in other.monitors if attached and is_judged]
     origin, trouble = origin_of(record.id), other.trouble
     if origin is None and place.node and not place.lasting:
         trouble = f"its server '{place.node}' does not answer; another one takes over"
@@ -109,7 +110,7 @@ def _state(other: OtherSession) -> Document:
         "live": bool(there),
         "clock": next((clock for _, _, clock in other.monitors), None),
         "node": (place.node or None) if origin is None else None,
-        "trouble": trouble,
+        "trouble": "; ".join(filter(None, (other.unjudged, trouble))) or None,
         "monitors": [_monitor(name, attached, name in there) for name, attached, _ in other.monitors],
         "properties": [property_state(stands, record.decides) for stands in other.properties],
         "counters": bare(record)["counters"] | {"steps": other.steps},

@@ -44,6 +44,7 @@ class Restoring:
                     await cut_off(opened, self._history, self._clock.now())
                 else:
                     await self._restore(opened, await asyncio.to_thread(plans.of, opened))
+                    self._history.trouble(opened.number, None)
             except UnansweredError as error:
                 self._forget(opened.id)
                 log.warning("a session is not restored yet", session=opened.id, reason=str(error))
@@ -52,7 +53,8 @@ class Restoring:
                 self._forget(opened.id)
                 known = isinstance(error, OracleError)
                 reason = str(error) if known else f"{type(error).__name__}: {error}"
-                self._unrestored[opened.id] = Unrestored(opened, reason)
+                self._unrestored[opened.id] = unrestored = Unrestored(opened, reason)
+                self._history.trouble(opened.number, unrestored.trouble)
                 log.error("a session can't be restored", session=opened.id, reason=reason, exc_info=not known)
 
     def _forget(self, name: str) -> None:

@@ -25,9 +25,14 @@ class Unrestored(NamedTuple):
         return one_line(first) + (f" (and {len(more)} more)" if more else "")
 
     @property
+    def trouble(self) -> str:
+        """What people are told of it."""
+        return f"it could not be restored: {self.reason}"
+
+    @property
     def state(self) -> Document:
         """Its state."""
-        return bare(self.record) | {"status": "unrestored", "trouble": f"it could not be restored: {self.reason}"}
+        return bare(self.record) | {"status": "unrestored", "trouble": self.trouble}
 
 
 def bare(record: SessionRecord) -> Document:

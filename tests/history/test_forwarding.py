@@ -128,6 +128,38 @@ async def test_of_a_robot_that_is_not_heard_any_more_that_is_told(
     await asyncio.to_thread(centre.close)
 
 
+async def test_that_a_session_is_not_judged_any_more_is_told_at_the_centre(postgres: Postgres, tmp_path: Path) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+
+    async def unjudged() -> list[str | None]:
+        await history.flush()
+        await brought(history, url, bringing)
+        return [other.unjudged for other in reversed(await centre.open_elsewhere())]
+
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        history.open_session(opened(2, "other"))
+        await add(history, step(1))
+        assert await unjudged() == [None, None]
+        history.trouble(1, "it could not be restored: \ud800")
+        assert await unjudged() == ["it could not be restored: ?", None]
+        history.trouble(1, None)
+        assert await unjudged() == [None, None]
+        history.append(2, [step(1, arrived=2**63)], lambda: None)  # a number that SQLite refuses
+        assert await unjudged() == [None, f"nothing more of it can be kept: {await refused(history, 2)}"]
+        history.close_session(2, 77, {"id": "other", "continued_by": None})
+        assert await unjudged() == [None]
+    bringing.close()
+    await asyncio.to_thread(centre.close)
+
+
+async def refused(history: SqliteHistory, session: int) -> str | None:
+    await history.flush()
+    return history.failure_of(session)
+
+
 @pytest.mark.parametrize("seed", range(3))
 async def test_by_small_chunks_and_with_ends_at_random_it_is_the_same(
     seed: int, postgres: Postgres, tmp_path: Path

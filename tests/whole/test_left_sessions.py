@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from operator import eq
 from pathlib import Path
@@ -95,6 +97,22 @@ async def test_a_session_of_a_robot_that_is_not_heard_can_be_closed_and_goes_on_
         close(robot, "s1")
         state = forwarded(centre, status="closed", closed_because="by request", trouble=None)
         assert (state["steps"], state["violations"]) == (4, 2)
+
+
+async def test_one_that_its_robot_could_not_restore_says_so_at_the_centre_until_it_is_restored(
+    url: str, specs: Path, centre: Server, tmp_path: Path
+) -> None:
+    forwarding = {"ORACLE_FORWARD": url, "ORACLE_ORIGIN": "robot7"}
+    with Server(specs, tmp_path / "robot", **forwarding) as robot:
+        await drive(robot, 1, 11)
+    for nothing, unsound in (("not ", "nott "), ("nott ", "not ")):
+        with closing(sqlite3.connect(tmp_path / "robot" / "history.sqlite")) as database:
+            database.execute("UPDATE sessions SET text = replace(text, ?, ?)", (nothing, unsound))
+            database.commit()
+        with Server(specs, tmp_path / "robot", **forwarding) as robot:
+            state = robot.get("sessions/s1")
+            assert (state["trouble"] is None) == (unsound == "not ")
+            forwarded(centre, status="open", live=state["status"] == "open", trouble=state["trouble"])
 
 
 async def test_who_asks_for_a_session_that_another_disk_had_the_name_of_is_told_its_name_at_the_robot(

@@ -285,7 +285,7 @@ class Centre:
             state = _decode(values["state"]) | {"id": name, "origin": self._origin}
             if state.get("continued_by"):
                 state["continued_by"] = self._continuing(session, row[0], state["continued_by"])
-            if gaps:
+            if gaps and values["closed"] is not None:  # while it is open they are told by `forwarded`
                 state["trouble"] = "; ".join(filter(None, (state.get("trouble"), missing_text(gaps))))
             values["state"] = text(state)
         return tuple([values[column] for column in columns])

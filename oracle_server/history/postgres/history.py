@@ -32,6 +32,7 @@ from oracle_server.history.sql.history import LOOKUPS, SqlHistory
 from oracle_server.history.sql.rows import Row, session_of
 from oracle_server.history.sql.schema import SESSION_COLUMNS
 from oracle_server.history.sql.standing import stands
+from oracle_server.history.sql.troubles import noted
 
 LEASE = 3.0
 """Seconds for which a server is a node of its database without saying so again."""
@@ -176,10 +177,11 @@ class PostgresHistory(SqlHistory):
         await done.wait()
 
     def _other(self, row: Row) -> OtherSession:
-        record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-8:-5])
-        steps, outcomes, pending, told, them = row[-5:]
+        record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-9:-6])
+        steps, outcomes, pending, told, them, state = row[-6:]
         properties = stands(record.properties, outcomes, pending, told) if steps else []
-        return OtherSession(record, place, steps, properties, [tuple(one) for one in _decode(them or "[]")])
+        monitors = [tuple(one) for one in _decode(them or "[]")]
+        return OtherSession(record, place, steps, properties, monitors, unjudged=noted(state))
 
     def _place(self, row: Row) -> Elsewhere:
         node, url, lasting = row

@@ -28,7 +28,8 @@ OWN_OPEN = (
 OTHERS_OPEN = (
     f"SELECT {_COLUMNS}, o.node, n.url, coalesce(n.until > clock_timestamp(), false), "  # noqa: S608
     f"""
-    coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending, e.told::text, m.them::text
+    coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending,
+    e.told::text, m.them::text, s.state
 FROM sessions s LEFT JOIN owners o ON o.session = s.number LEFT JOIN nodes n ON n.node = o.node
 LEFT JOIN LATERAL (
     SELECT position, standing, outcomes, pending FROM steps

@@ -16,6 +16,7 @@ from oracle_server.history.sql.database import Database, Insert
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import REFUSED_COLUMNS, STEP_COLUMNS
 from oracle_server.history.sql.standing import RESTATE, restate_text
+from oracle_server.history.sql.troubles import NOTE, note
 
 COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 """The tables into which rows are inserted many to a statement."""
@@ -123,13 +124,20 @@ def write_apart(database: Database, work: Sequence[Work], insert: Insert) -> tup
             write(database, [one], insert)
         except REFUSED as error:
             database.execute("ROLLBACK TO piece")
-            refused.append(Refused(one, _name(database, one.session), str(error) or type(error).__name__))
+            reason = str(error) or type(error).__name__
+            refused.append(Refused(one, _name(database, one.session), reason))
             if one.needed:
                 ended.add(one.session)
+                database.execute(NOTE, note(one.session, unkept_text(reason)))
         else:
             written.append(one)
         database.execute("RELEASE piece")
     return written, refused
+
+
+def unkept_text(reason: str) -> str:
+    """What people are told of a session of which nothing more can be kept."""
+    return f"nothing more of it can be kept: {reason}"
 
 
 def _name(database: Database, session: int) -> str:

@@ -27,6 +27,7 @@ from oracle_server.history.records import (
     SnapshotRecord,
     StoredStep,
 )
+from oracle_server.history.sql import troubles
 from oracle_server.history.sql.asking import Asking
 from oracle_server.history.sql.batch import OF_ONE, REFUSED, Work, restating
 from oracle_server.history.sql.blocks import forgetting
@@ -189,6 +190,10 @@ class SqlHistory:
     def stop(self, session: int, reason: str) -> None:
         """Keep nothing of a session from here on."""
         self._writer.add(Work(session, ValueError(reason), ()))
+
+    def trouble(self, session: int, why: str | None) -> None:
+        """Keep why an open session is not judged any more, or that it is."""
+        self._execute(session, troubles.NOTE, lambda: troubles.note(session, why), needed=False, always=True)
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""

@@ -35,7 +35,7 @@ CREATE TABLE IF NOT EXISTS sessions (
     decides TEXT NOT NULL DEFAULT 'publication',  -- the order whose steps are decided by
     closed INTEGER,              -- ns
     kind TEXT NOT NULL DEFAULT 'robot',  -- or recording: what it judges
-    state TEXT                   -- JSON: how it stood when it was closed
+    state TEXT                   -- JSON: how it stood when it was closed; if open, its `trouble`
 );
 CREATE TABLE IF NOT EXISTS steps (
     session INTEGER NOT NULL,

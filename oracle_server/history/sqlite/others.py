@@ -13,13 +13,14 @@ from oracle_server.history.sql.episodes import VIOLATIONS
 from oracle_server.history.sql.rows import Row, session_of
 from oracle_server.history.sql.schema import SESSION_COLUMNS
 from oracle_server.history.sql.standing import stands
+from oracle_server.history.sql.troubles import noted
 
 OPEN = (
     f"SELECT {','.join(f's.{name}' for name in SESSION_COLUMNS)}, "  # noqa: S608 -- no value is in it
     f"""
     coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending,
     (SELECT json_group_object(property, json_array(violations, first)) FROM ({VIOLATIONS})),
-    (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number)
+    (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number), s.state
 FROM sessions s LEFT JOIN steps last ON last.session = s.number AND last.position = (
     SELECT position FROM steps
     WHERE session = s.number AND ord = s.decides AND revision IS NULL AND (stream = '' OR number > 0)
@@ -43,11 +44,11 @@ def values(name: str | None, origin: str | None, *, forwarded: bool) -> tuple[st
 def other(place: Elsewhere | None, row: Row) -> OtherSession:
     """A row of `OPEN` as a session at a place, or at the robot that forwarded it."""
     record = session_of(row[: len(SESSION_COLUMNS)])
-    steps, outcomes, pending, told, them = row[-5:]
+    steps, outcomes, pending, told, them, state = row[-6:]
     properties = stands(record.properties, outcomes, pending, told) if steps else []
     monitors = [(name, attached > 0, clock) for name, attached, clock in _decode(them)]
     origin = origin_of(record.id)
     if place is None or origin is not None:
         place = Elsewhere(origin or "", None, here=False, lasting=False)
     trouble = None if origin is None else copied_text(origin)
-    return OtherSession(record, place, steps, properties, monitors, trouble, may_end=origin is not None)
+    return OtherSession(record, place, steps, properties, monitors, trouble, origin is not None, noted(state))
