@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 
 _AT = "@"
 
@@ -26,6 +27,12 @@ def forwarded_name(name: str, origin: str) -> str:
 def silent_text(origin: str, since: str) -> str:
     """What people are told of a robot that forwards nothing any more; `since` is a time of UTC."""
     return f"'{origin}' was heard last at {since} UTC: what was judged there since then is not known here"
+
+
+def behind_text(origin: str, rows: int, since: int) -> str:
+    """What people are told of a robot that has so many rows still to bring; the oldest is of a time (ns)."""
+    told = datetime.fromtimestamp(since // 10**9, UTC).strftime("%Y-%m-%d %H:%M")
+    return f"'{origin}' is catching up: of what was judged there since {told} UTC, {rows} rows are still to come"
 
 
 def deleted_text(origin: str) -> str:

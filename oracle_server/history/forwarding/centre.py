@@ -20,7 +20,7 @@ from oracle_server.history.copying.tables import Table
 from oracle_server.history.forwarding.robot import BY_NAME, Change, Chunk, Known, Page
 from oracle_server.history.origins import forwarded_name, missing_text
 from oracle_server.history.postgres.connection import Connection
-from oracle_server.history.postgres.schema import prepare
+from oracle_server.history.postgres.schema import TELLS_BEHIND, prepare
 from oracle_server.history.sql.rows import Row, text
 from oracle_server.history.sql.schema import VERSION, FormatError
 from oracle_server.history.sql.statements import upsert
@@ -33,7 +33,11 @@ INSERT INTO origins (origin, robot, writer, seq) VALUES (?, ?, ?, 0)
 ON CONFLICT (origin, robot) DO UPDATE SET writer = excluded.writer RETURNING seq
 """
 """It waits for what a process before this one has begun."""
-_HOLD = "UPDATE origins SET seq = ?, heard = clock_timestamp() WHERE origin = ? AND robot = ? AND writer = ?"
+_OF_WRITER = "WHERE origin = ? AND robot = ? AND writer = ?"
+_HOLD = f"UPDATE origins SET seq = ?, heard = clock_timestamp() {_OF_WRITER}"  # noqa: S608
+_BEHIND = f"UPDATE origins SET behind = ? {_OF_WRITER}"  # noqa: S608
+_WORTH_TELLING = 60.0
+"""Seconds by which what was judged may come later than it usually does before the centre says that it is behind."""
 _HEARD = "UPDATE origins SET heard = clock_timestamp() WHERE origin = ? AND robot = ? AND writer = ? RETURNING 1"
 _HEARD_EVERY = 60.0
 """Seconds between two signs of life where nothing is brought."""
@@ -117,19 +121,21 @@ class Centre:
     """A connection. All of it raises `HistoryError`, or `ValueError` for a row that is refused; it is of no use then.
 
     `places` are by the robot's numbers of its sessions; `shared` tells whether another history came by this origin
-    lately.
+    lately, and `is_behind` whether it says that much is still to come.
     """
 
     def __init__(self, url: str, origin: str, robot: str) -> None:
         """Bring what a `robot` has, by the name of `origin`; no other process brings it any more."""
         self._origin, self._robot, self._writer = origin, robot, secrets.token_hex(8)
         self._heard = self._asked = -math.inf
+        self.is_behind = False
         self._database = Connection(url, f"oracle-server forwarding {origin}", _PATIENCE)
         try:
             self._demand_format()
             values = (origin, robot, self._writer)
             self.seq: int = self._database.execute(_CLAIM, values).fetchone()[0]
             rows = self._database.execute(_KNOWN, (origin, robot)).fetchall()
+            self._tells_behind: bool = self._database.execute(TELLS_BEHIND).fetchone()[0]
             self.shared = self._database.execute(_NAMESAKES, (origin, robot)).fetchone() is not None
         except BaseException:
             self.close()
@@ -172,6 +178,9 @@ class Centre:
         if held.rowcount != 1:
             raise self._fenced()
         places = self.places | {number: self._begin(row) for number, row in chunk.sessions.items()}
+        behind = self._left_behind(chunk)
+        if self._tells_behind:
+            self._database.execute(_BEHIND, (behind, self._origin, self._robot, self._writer))
         names = {page.session for page in chunk.pages} | {change.key[0] for change in chunk.changes}
         there = self._there(places[number].session for number in names)
         coming = there & {places[number].session for number in chunk.coming if number in places}
@@ -187,11 +196,17 @@ class Centre:
                 self._replace(BY_NAME[table], places[number], changes)
         self._database.commit()
         self.places, self.seq, self._heard = places, chunk.seq, time.monotonic()
+        self.is_behind = behind is not None
         return Wrote(lost, dropped)
 
     def close(self) -> None:
         """Let go of it."""
         self._database.close()
+
+    def _left_behind(self, chunk: Chunk) -> str | None:
+        """What is still to come behind a chunk, where that is old by the robot's clock."""
+        old = chunk.oldest is not None and time.time_ns() - chunk.oldest > _WORTH_TELLING * 10**9
+        return text([self._writer, chunk.left, chunk.oldest]) if old else None
 
     def _demand_format(self) -> None:
         version = self._format()

@@ -62,7 +62,7 @@ class Bringing:
         robot, centre = self._robot, self._centre
         chunk = robot.read(centre.cursors, centre.seq, ask.rows)
         wrote = Wrote()
-        if chunk.rows or chunk.seq > centre.seq:
+        if chunk.rows or chunk.seq > centre.seq or centre.is_behind:
             wrote = centre.write(chunk)
         else:
             centre.demand_held()

@@ -12,6 +12,7 @@ import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.origins import (
+    behind_text,
     copied_text,
     deleted_text,
     forwarded_name,
@@ -191,8 +192,8 @@ class PostgresHistory(SqlHistory):
 def _of_robot(other: OtherSession, told: list[Any] | None) -> OtherSession:
     """A session with its place at the robot that forwards it, if one does.
 
-    What is `told`: which steps are missing, whether the robot has deleted it, and since when that is not heard; None
-    where it forwards elsewhere.
+    What is `told`: which steps are missing, whether the robot has deleted it, since when that is not heard, and what it
+    has still to bring; None where it forwards elsewhere.
     """
     origin = origin_of(other.record.id)
     if origin is None:
@@ -200,11 +201,13 @@ def _of_robot(other: OtherSession, told: list[Any] | None) -> OtherSession:
     if told is None:
         place = Elsewhere(origin, None, here=False, lasting=False)
         return other._replace(place=place, trouble=copied_text(origin), may_end=True)
-    gaps, deleted, silent = told
+    gaps, deleted, silent, behind = told
     troubles = [missing_text(missing)] if (missing := _decode(gaps)) else []
     troubles += [deleted_text(origin)] if deleted else [silent_text(origin, silent)] if silent else []
     may_end = deleted or silent is not None
-    place = Elsewhere(origin, None, here=False, lasting=not may_end)
+    if behind is not None and not may_end:
+        troubles.append(behind_text(origin, *_decode(behind)[1:]))
+    place = Elsewhere(origin, None, here=False, lasting=not may_end and behind is None)
     return other._replace(place=place, trouble="; ".join(troubles) or None, may_end=may_end)
 
 

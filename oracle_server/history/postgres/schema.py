@@ -67,6 +67,13 @@ ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS ended BIGINT;
 UPDATE forwarded SET opened = s.opened FROM sessions s WHERE s.number = session AND forwarded.opened IS NULL;
 """
 """Of sessions that robots forward: each chunk is one transaction with how far it is."""
+_BEHIND = "ALTER TABLE origins ADD COLUMN behind TEXT"
+"""JSON: who wrote it, the rows that were still to come then, and when the oldest step of them was judged (ns)."""
+TELLS_BEHIND = (
+    "SELECT EXISTS (SELECT 1 FROM pg_attribute "
+    "WHERE attrelid = to_regclass('origins') AND attname = 'behind' AND NOT attisdropped)"
+)
+"""Whether the centre was used by a version that has it: robots of older ones write the table, too."""
 _SHARED = "SELECT to_regclass('owners') IS NOT NULL"
 _SHARE = """
 INSERT INTO owners (session, id, node) SELECT number, id, 'server' FROM sessions WHERE closed IS NULL
@@ -104,6 +111,8 @@ def prepare(database: Connection) -> None:
             database.execute(_SHARE)
         if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:
             database.execute(_FORWARDED)
+        if not database.execute(TELLS_BEHIND).fetchone()[0]:
+            database.execute(_BEHIND)
         database.execute(COUNT_ON)
         database.commit()
     except BaseException:

@@ -59,12 +59,13 @@ FORWARDED_OPEN = (
 """Its name at the robot, as far as that is known."""
 FORWARDED = """
 SELECT f.session, f.gaps, f.ended IS NOT NULL, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
-    THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END
+    THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END,
+    CASE WHEN o.behind::json->>0 = o.writer THEN o.behind END
 FROM forwarded f LEFT JOIN origins o ON o.origin = f.origin AND o.robot = f.robot
 WHERE f.session = ANY(?2::bigint[])
 """
-"""Of sessions that robots forward: what is missing, whether nothing more will come of them, and since when a robot is
-silent that is for some seconds."""
+"""Of sessions that robots forward: what is missing, whether nothing more will come of them, since when a robot is
+silent that is for some seconds, and what it has still to bring."""
 LEFT = """
 SELECT s.id FROM forwarded f JOIN sessions s ON s.number = f.session
 WHERE f.ended IS NOT NULL AND s.closed IS NULL ORDER BY s.number
