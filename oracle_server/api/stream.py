@@ -108,8 +108,28 @@ async def _page(
     seen = last if more is None else more
     if more is None and items:
         seen = max(seen, items[-1][0])
-    text = told + b"".join([b"id: %d\ndata: %b\n\n" % item for item in items])
+    events = [(n, b"id: %d\ndata: %b\n\n" % (n, item)) for n, item in items]
+    events += await _gaps(history, known, wanted.after or 0, seen)
+    text = told + b"".join([event for _, event in sorted(events)])
     return text, replace(wanted, after=max(seen, wanted.after or 0)), more is not None
+
+
+async def _gaps(history: Reading, known: SessionRecord, after: int, seen: int) -> list[tuple[int, bytes]]:
+    """What a client is told of verdicts that robots deleted before they forwarded them, each at its place.
+
+    What is missing at the begin is not told to who asks from there.
+    """
+    size, told = len(known.properties), []
+    for first, last in await history.missing(known):
+        before, upto = (first - 1) * size, last * size
+        if 0 < before < seen and after < upto:
+            why = f"verdicts {before + 1} to {upto} were deleted at the robot before they were forwarded"
+            told.append((upto, _missed_event(before, upto + 1, why)))
+    return told
+
+
+def _missed_event(after: int, next_: int, why: str) -> bytes:
+    return format_sse_event(event="missed", data_str=encode({"after": after, "next": next_, "why": why}))
 
 
 def _missed(wanted: Question, deleted: int, last: int) -> tuple[bytes, Question]:
@@ -125,5 +145,4 @@ def _missed(wanted: Question, deleted: int, last: int) -> tuple[bytes, Question]
         why, begin = f"verdicts {after + 1} to {deleted} are not kept any more", deleted
     else:
         return b"", wanted
-    data = {"after": after, "next": max(begin, deleted) + 1, "why": why}
-    return format_sse_event(event="missed", data_str=encode(data)), replace(wanted, after=begin)
+    return _missed_event(after, max(begin, deleted) + 1, why), replace(wanted, after=begin)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from oracle_server.history.records import Elsewhere, OtherSession, SessionRecord
 
@@ -41,6 +41,10 @@ class Alone:
     async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:  # noqa: ARG002
         """The sessions that other servers have open: none."""
         return []
+
+    async def missing(self, session: SessionRecord) -> Sequence[tuple[int, int]]:  # noqa: ARG002
+        """The steps that a robot had deleted before it brought them: none forwards to it."""
+        return ()
 
     async def left(self) -> list[str]:
         """The open sessions that robots have deleted: none forwards to it."""

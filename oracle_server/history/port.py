@@ -155,6 +155,10 @@ class Reading(Protocol):
         """Work at what was read for some milliseconds, in one of the threads that read: clients take turns there."""
         ...
 
+    async def missing(self, session: SessionRecord) -> Sequence[tuple[int, int]]:
+        """The first and last positions of the steps that a robot had deleted before it brought them."""
+        ...
+
     async def last_number(self) -> int:
         """The largest number of a session, 0 where there is none."""
         ...

@@ -8,7 +8,9 @@ from typing import Any
 import httpx
 import pytest
 
+from oracle_server.api import stream
 from oracle_server.cli.client import Client
+from oracle_server.history.records import SessionRecord
 from tests.api.conftest import Asked
 from tests.sessions.making import GUARD, Kept, attach, event
 
@@ -69,6 +71,31 @@ async def test_of_what_is_asked_for_alone_it_says_what_it_lacks(filled: Asked) -
     told = parsed(answer.text)
     assert told[0]["missed"]["next"] == KEPT_FROM
     assert [each["id"] for each in told[1:-1]] == [n for n in range(KEPT_FROM, COUNT + 1) if n % 2]
+
+
+@pytest.mark.parametrize("begin", [0, 3, 11, 13, 14, 16, 17])
+@pytest.mark.parametrize("violations", [False, True])
+async def test_what_a_robot_deleted_before_it_forwarded_is_told_at_its_place(
+    filled: Asked, monkeypatch: pytest.MonkeyPatch, begin: int, violations: bool
+) -> None:
+    history: Any = filled.registry._history
+    gaps = [(1, 10), (14, 16)]
+
+    async def missing(_: SessionRecord) -> list[tuple[int, int]]:
+        return gaps
+
+    monkeypatch.setattr(history, "missing", missing)
+    monkeypatch.setattr(stream, "_PAGE", 2)
+    (kept,) = history._kept.values()
+    kept.steps = [step for step in kept.steps if step.position not in range(14, 17)]
+    answer = await filled.http.get("/api/v1/sessions/s/stream", params={"after": begin, "violations": violations})
+    why = "verdicts 14 to 16 were deleted at the robot before they were forwarded"
+    gap = [{"missed": {"after": 13, "next": 17, "why": why}}]
+    before, behind = ([{"id": n} for n in some if n % 2 or not violations] for some in (range(11, 14), range(17, 21)))
+    told = [each for each in before if each["id"] > begin] + gap * (begin < 16)
+    told += [each for each in behind if each["id"] > begin]
+    deleted = [{"missed": {"after": 3, "next": KEPT_FROM, "why": DELETED}}] * (begin == 3)
+    assert parsed(answer.text) == [*deleted, *told, {"closed": {}}]
 
 
 @pytest.mark.parametrize("what", ["explanation", "parts"])

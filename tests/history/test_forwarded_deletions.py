@@ -63,6 +63,9 @@ async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
     state = await centre.closed_state(f"one@{ORIGIN}")
     assert state is not None
     assert "21 to 29 are missing" in state["trouble"]
+    record = await centre.session(f"one@{ORIGIN}")
+    assert record is not None
+    assert await centre.missing(record) == [(21, 29)]
     assert told.left == 0
     await asyncio.to_thread(centre.close)
 

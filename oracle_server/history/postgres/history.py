@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any
 
@@ -147,6 +147,13 @@ class PostgresHistory(SqlHistory):
         rows = await self._reader.all(tuple, sharing.FORWARDED, (_SILENT, f"{{{numbers}}}")) if numbers else []
         robots = {session: told for session, *told in rows}
         return [_of_robot(other, robots.get(other.record.number)) for other in found]
+
+    async def missing(self, session: SessionRecord) -> Sequence[tuple[int, int]]:
+        """The first and last positions of the steps that a robot had deleted before it brought them."""
+        if origin_of(session.id) is None:
+            return ()
+        rows = await self._reader.all(tuple, sharing.MISSING, (session.number,))
+        return [(first, last) for (gaps,) in rows for first, last in _decode(gaps)]
 
     async def left(self) -> list[str]:
         """The names of open sessions that robots have deleted."""

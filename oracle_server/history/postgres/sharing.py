@@ -66,6 +66,7 @@ WHERE f.session = ANY(?2::bigint[])
 """
 """Of sessions that robots forward: what is missing, whether nothing more will come of them, since when a robot is
 silent that is for some seconds, and what it has still to bring."""
+MISSING = "SELECT gaps FROM forwarded WHERE session = ?"
 LEFT = """
 SELECT s.id FROM forwarded f JOIN sessions s ON s.number = f.session
 WHERE f.ended IS NOT NULL AND s.closed IS NULL ORDER BY s.number
