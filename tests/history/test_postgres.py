@@ -16,9 +16,11 @@ from structlog.testing import capture_logs
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.events import StreamKey
+from oracle_server.history.pages import find
 from oracle_server.history.postgres import connection, store
 from oracle_server.history.postgres.dialect import decoded, encoded
 from oracle_server.history.postgres.history import PostgresHistory
+from oracle_server.history.query import Query
 from oracle_server.history.records import MonitorRecord, Refusal, StoredStep
 from tests.history.making import add, opened, step
 from tests.history.test_port import collected
@@ -238,6 +240,31 @@ async def test_nothing_is_lost_or_twice_where_connections_end(postgres: Postgres
     await until(lambda: history.failure is None)
     assert await collected(history.steps(1, 0)) == [step(p) for p in range(1, 201)]
     await asyncio.to_thread(history.close)
+
+
+async def test_nobody_notices_connections_that_have_ended_before_they_are_used_again(
+    postgres: Postgres, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As by a restart, or a time limit for idle connections: what failed was asked for again, or was `unknown`."""
+    history = await begun(postgres.empty(), lease=60.0)
+    history.open_session(opened())
+    await add(history, step(1))
+    await asyncio.gather(*(history.extent(1) for _ in range(8)), told_of(history))
+    await asyncio.to_thread(postgres.stop)
+    await asyncio.to_thread(postgres.start)
+    assert await asyncio.gather(*(history.extent(1) for _ in range(8))) == [(1, 1)] * 8
+    assert await told_of(history) == 2
+    await told(history, step(2))
+    assert await history.extent(1) == (1, 2)
+    assert history.failure is None
+    assert "can't be written" not in capsys.readouterr().out
+    await asyncio.to_thread(history.close)
+
+
+async def told_of(history: PostgresHistory) -> int:
+    """How many verdicts of the session are told, by the process that is asked for them."""
+    found, _ = await find(history, opened(), Query())
+    return len(found)
 
 
 async def test_a_connection_that_is_left_in_the_midst_of_a_pipeline_is_not_used_again(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import socket
 import threading
 import time
@@ -86,6 +87,15 @@ class Connection:
     def lost(self) -> bool:
         """Whether nothing more may be done with it: it has ended, or it is not known what it does."""
         return self._severed or self.raw.closed or self.raw.broken
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is lost, or the server has ended it while nobody used it: it says nothing else unasked."""
+        if self.lost:
+            return True
+        told = select.poll()
+        told.register(self.raw.pgconn.socket, select.POLLIN)
+        return bool(told.poll(0))
 
     def execute(self, sql: str, values: Sequence[Any] = (), /) -> Cursor:
         """Execute a statement."""

@@ -46,7 +46,7 @@ class Pool:
         with self._lock:
             while self._free:
                 connection = self._free.pop()
-                if not connection.lost:
+                if not connection.ended:
                     return Lent(connection, self)
                 connection.close()
         return Lent(Connection(self._url, _NAME, _PATIENCE), self)

@@ -233,7 +233,7 @@ class PostgresStore:
         if self.fenced is not None:
             raise FencedError(self.fenced)
         if self._database is not None:
-            if not self._database.lost:
+            if not self._database.ended:
                 return self._database
             self._drop(self._database)
         database = self._connected()
