@@ -83,8 +83,7 @@ class Webhooks:
 
 class _Queued(NamedTuple):
     id: str
-    at: int
-    """When it was queued (s); the same in each try, as its id is."""
+    """The same in each try."""
     alarm: Alarm
 
 
@@ -110,7 +109,7 @@ class _Courier:
             if len(self._queue) >= MOST:
                 self._drop(f"more than {MOST} wait")
                 return
-            self._queue.append(_Queued(f"msg_{secrets.token_hex(12)}", int(time.time()), alarm))
+            self._queue.append(_Queued(f"msg_{secrets.token_hex(12)}", alarm))
             self._changed.notify()
 
     def stop(self) -> None:
@@ -177,12 +176,13 @@ def _attempt(http: httpx.Client, receiver: Receiver, queued: _Queued, body: byte
 
 
 def _headers(receiver: Receiver, queued: _Queued, body: bytes) -> dict[str, str]:
-    signed = b"%s.%d.%s" % (queued.id.encode(), queued.at, body)
+    at = int(time.time())  # of this try: receivers refuse what is some minutes old, since it may be a replay
+    signed = b"%s.%d.%s" % (queued.id.encode(), at, body)
     digest = base64.b64encode(hmac.new(receiver.secret, signed, hashlib.sha256).digest()).decode()
     return {
         "Content-Type": "application/json",
         "User-Agent": "oracle-server",
         "webhook-id": queued.id,
-        "webhook-timestamp": str(queued.at),
+        "webhook-timestamp": str(at),
         "webhook-signature": f"v1,{digest}",
     }

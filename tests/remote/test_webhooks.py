@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -51,14 +53,21 @@ def test_an_alarm_is_signed_and_sent_once_to_who_wants_it(receiver: Receiving) -
 
 
 @pytest.mark.parametrize("status", [500, 503, 429, 408])
-def test_an_alarm_that_is_not_taken_is_tried_again_as_it_was(receiver: Receiving, status: int) -> None:
+def test_an_alarm_that_is_not_taken_is_tried_again_as_it_was_at_another_time(
+    receiver: Receiving, status: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A receiver refuses a try that is some minutes old, as a replay: what waited for so long would be lost."""
     receiver.answers = [status, status]
+    times = itertools.count(1_000.5, 600)
+    clock = SimpleNamespace(time=lambda: next(times), monotonic=time.monotonic)
+    monkeypatch.setattr("oracle_server.remote.webhooks.time", clock)
     with hooks(receiver.url) as webhooks:
         webhooks.send({"alarm": "violation"})
         webhooks.send({"alarm": "violation", "second": True})
         first, again, last = (receiver.take() for _ in range(3))
         assert first[1] == again[1] == last[1]
-        assert first[0]["webhook-timestamp"] == last[0]["webhook-timestamp"]
+        assert first[0]["webhook-id"] == again[0]["webhook-id"] == last[0]["webhook-id"]
+        assert [each[0]["webhook-timestamp"] for each in (first, again, last)] == ["1000", "1600", "2200"]
         assert receiver.take()[1]["second"], "one after the other"
         until(lambda: webhooks.sent == 2)
 
