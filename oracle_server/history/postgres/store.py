@@ -52,6 +52,12 @@ WHERE until < clock_timestamp() - interval '1 day' AND NOT EXISTS (SELECT 1 FROM
 """Nodes that will not come back; what stood still for so long finds no row, and ends."""
 _RELEASE = "UPDATE nodes SET until = clock_timestamp() WHERE node = ? AND owner = ? AND epoch = ?"
 _HOLDER = "SELECT owner, epoch, until::text, place, until <= clock_timestamp() FROM nodes WHERE node = ?"
+_TAKEN_OVER = "another server has taken over this server's sessions; this one ends"
+_LOST = (
+    "PostgreSQL has not any more what this server had committed, as where a standby takes over that lagged, or a "
+    "backup was put back; this one ends, since its sessions can only go on with what is there"
+)
+"""Else steps would follow behind a gap, and violations in it be forgotten without a word."""
 END_WRITER = """
 SELECT pg_terminate_backend(pid) FROM pg_stat_activity
 WHERE application_name = ? AND datname = current_database() AND pid <> pg_backend_pid()
@@ -69,7 +75,7 @@ class Node(NamedTuple):
 
 
 class FencedError(HistoryError):
-    """Another server has taken over this one's sessions."""
+    """Another server has taken over this one's sessions, or what it has of them is not what is kept."""
 
 
 class _Doubt(NamedTuple):
@@ -241,7 +247,10 @@ class PostgresStore:
             database.execute(END_WRITER, (writer(self._owner),))
             # it waits for what another connection of this server has begun: then it is known what was committed
             again = database.execute(_CLAIM_AGAIN, (self._lease, self._node.name, self._owner)).fetchone()
-            self._epoch, self._batch = again or self._fence()
+            epoch, batch = again or self._fence(_TAKEN_OVER)
+            if batch < self._batch:
+                self._fence(_LOST)
+            self._epoch, self._batch = epoch, batch
         except BaseException:
             database.close()
             raise
@@ -255,10 +264,10 @@ class PostgresStore:
     def _hold(self, database: Connection, batch: int) -> None:
         held: Any = database.execute(_HOLD, (self._lease, batch, self._node.name, self._owner, self._epoch))
         if held.rowcount != 1:
-            self._fence()
+            self._fence(_TAKEN_OVER)
 
-    def _fence(self) -> Any:
-        self.fenced = "another server has taken over this server's sessions; this one ends"
+    def _fence(self, why: str) -> Any:
+        self.fenced = why
         self._end()
         raise FencedError(self.fenced)
 
