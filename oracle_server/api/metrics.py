@@ -174,7 +174,7 @@ def _forwarded(progress: Progress) -> Iterator[Metric]:
     reached = progress.left is not None and progress.trouble is None
     yield GaugeMetricFamily("oracle_forward_reached", "Whether the centre takes what is brought", int(reached))
     if progress.left is not None:
-        what = "Rows still to be brought to the centre, when it was last reached"
+        what = "Rows still to be brought to the centre"
         yield GaugeMetricFamily("oracle_forward_rows_left", what, progress.left)
         lag = 0.0 if progress.oldest is None else max(0.0, time.time() - progress.oldest / 1e9)
         yield GaugeMetricFamily("oracle_forward_lag_seconds", "Age of the oldest step that is not there", lag)

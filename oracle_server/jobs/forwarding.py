@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -59,6 +60,10 @@ class Noted(Protocol):
         """Have all forwarded from the beginning; as the same history where the centre is `known` to have some."""
         ...
 
+    async def behind(self) -> tuple[int, int | None]:
+        """The rows that the centre lacks, and when the oldest step of them was judged (ns). Raises `HistoryError`."""
+        ...
+
     async def free(self) -> Sequence[Free]:
         """What of each session the centre has. Raises `HistoryError`."""
         ...
@@ -101,6 +106,9 @@ class Forwarding:
             except Exception:  # without this task, nothing would come to the centre, and nobody would know
                 log.exception("the history can't be forwarded now")
                 pause = self._failed("an error of the server; see its log")
+            if self.progress.trouble is not None:
+                with suppress(HistoryError):  # what was known last stands
+                    self.progress.left, self.progress.oldest = await self.noted.behind()
             await asyncio.sleep(pause)
 
     def close(self) -> None:

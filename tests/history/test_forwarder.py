@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from oracle_server.history.forwarding import centre
 from oracle_server.history.sqlite.history import NAME
 from oracle_server.jobs import forwarding
 from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, robot
@@ -53,6 +54,41 @@ async def test_a_centre_that_is_away_is_waited_for(
     assert log.count("can't be forwarded now") == 1
     assert log.count("the history is forwarded") == 2
     assert "Traceback" not in log
+
+
+async def test_while_the_centre_is_away_it_is_told_how_far_behind_it_is(
+    postgres: Postgres, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forwarding, "_LONGEST", 0.1)
+    monkeypatch.setattr(forwarding, "_IDLE", 0.05)
+    monkeypatch.setattr(centre, "_ASKED_EVERY", 0.0)
+    url = postgres.empty()
+    async with robot(tmp_path) as history:
+        assert history.forwarding is not None
+        for number, name in ((1, "one"), (2, "two")):
+            history.open_session(opened(number, name))
+            await add(history, *(step(p) for p in range(1, 11)), session=number)
+        forwards = forwarding.Forwarding(history.forwarding, url, ORIGIN)
+        running = asyncio.create_task(forwards.run())
+        async with asyncio.timeout(PATIENCE):
+            while await history.forwarding.behind() != (0, None):
+                await asyncio.sleep(0.01)
+        await asyncio.to_thread(postgres.stop)
+        try:
+            await until(lambda: forwards.progress.trouble)
+            await add(history, *(step(p) for p in range(11, 31)), session=2)
+            await history.forget_steps(1, 5)
+            await until(lambda: forwards.progress.oldest is not None)
+            assert forwards.progress.oldest == step(11).judged
+            assert forwards.progress.left is not None
+            assert forwards.progress.left >= 20, "and blocks that have changed with them"
+        finally:
+            await asyncio.to_thread(postgres.start)
+        await until(lambda: forwards.progress.trouble is None)
+        await until(lambda: (forwards.progress.left, forwards.progress.oldest) == (0, None))
+        running.cancel()
+        await asyncio.wait([running])
+        forwards.close()
 
 
 async def test_while_nothing_can_be_kept_here_the_centre_hears_nothing(

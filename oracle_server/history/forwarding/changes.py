@@ -75,6 +75,16 @@ FROM sessions s LEFT JOIN forwarded f ON f.session = s.number
 """  # noqa: S608 -- no value is in it
 """Of each session the last step that the centre has; the last one that can be deleted without what has changed since:
 steps, blocks, and episodes that have ended; and whether anything has."""
+BEHIND = """
+SELECT coalesce(f.position, 0), coalesce((SELECT min(position) FROM steps WHERE session = s.number), 1),
+    coalesce((SELECT max(position) FROM steps WHERE session = s.number), 0), (
+        SELECT judged FROM steps WHERE session = s.number AND position > coalesce(f.position, 0)
+        ORDER BY position LIMIT 1
+    )
+FROM sessions s LEFT JOIN forwarded f ON f.session = s.number
+"""
+"""Of each session the last step that the centre has, the first and last ones here, and when the next one was judged."""
+UNTOLD = "SELECT count(*) FROM changes WHERE seq > (SELECT seq FROM forwarding)"
 FORGET_SESSION = "DELETE FROM changes WHERE session = ?"
 LAST_NUMBER = "SELECT max(coalesce(max(number), 0), coalesce((SELECT max(session) FROM forwarded), 0)) FROM sessions"
 """Numbers of sessions that the centre has are never given again."""

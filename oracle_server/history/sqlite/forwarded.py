@@ -57,5 +57,19 @@ class SqliteForwarding:
 
         return await self._reader.run(read)
 
+    async def behind(self) -> tuple[int, int | None]:
+        """The rows that the centre does not have, and when the oldest step of them was judged (ns).
+
+        Raises `HistoryError`.
+        """
+
+        def read(reader: Database) -> tuple[int, int | None]:
+            rows = reader.execute(changes.BEHIND).fetchall()
+            (untold,) = reader.execute(changes.UNTOLD).fetchone()
+            steps = sum(max(0, last - max(reached, first - 1)) for reached, first, last, _ in rows)
+            return steps + untold, min((judged for *_, judged in rows if judged is not None), default=None)
+
+        return await self._reader.run(read)
+
     def _add(self, sql: str, values: tuple[Any, ...]) -> None:
         self._writer.add(Work(_NOBODY, sql, values, needed=False, always=True))
