@@ -1,23 +1,35 @@
-"""Names of signals that stand in atoms as texts: `{speed == limit}` compares with the text, and not with the signal."""
+"""Words without quotes, which atoms take for texts: `{speed == limit}` asks for "limit", `{on: True}` for "True"."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.tree import Atom, Constraint
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.misfits import constraint_text, range_at
 from oracle_server.core.places import Place, places
+from oracle_server.core.ranges import Range, ValueKind
+from oracle_server.core.signals import is_signal
 from oracle_server.core.spec import Spec
 from oracle_server.core.typed import StreamTypes
+
+_BOOLEANS = "a Boolean is written `{value}`"
+_NOTHING = "a field without a value makes its signal absent, which no atom is true of: write `not {{{key}: *}}`"
+_FINITE = "a signal is never NaN or infinite, since it then fails, and what reads it is unknown"
+_MEANT: Mapping[str, tuple[str, frozenset[ValueKind]]] = {
+    **dict.fromkeys(("true", "false"), (_BOOLEANS, frozenset({"boolean"}))),
+    **dict.fromkeys(("none", "null", "nil"), (_NOTHING, frozenset({"boolean", "number"}))),
+    **dict.fromkeys(("nan", "inf", "infinity"), (_FINITE, frozenset({"number"}))),
+}
+"""Words that other languages have for values, with what is said of them, of a signal that may be of some kinds."""
 
 
 def namesakes(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about formulas of a spec without errors, whose messages have these types."""
     names = named(spec)
     for i, prop in enumerate(spec.properties):
-        if any(c.bare and c.value in names for atom in prop.atoms for c in atom.constraints):
+        if any(c.bare and _is_doubtful(c.value, names) for atom in prop.atoms for c in atom.constraints):
             where = places(spec, prop.time, types)
             for atom in prop.atoms:
                 for message in namesake(atom, names, where):
@@ -32,22 +44,40 @@ def named(spec: Spec) -> frozenset[str]:
 
 
 def namesake(atom: Atom, names: Set[str], where: Sequence[Place]) -> Iterator[str]:
-    """What is said of the texts in an atom that are written without quotes, and that are names of signals.
+    """What is said of the texts in an atom that are written without quotes, and are names of signals or other words.
 
     Nothing where the signal is known to have such a text, or no value in common with the other one.
     """
     for constraint in atom.constraints:
         key, name = constraint.key, constraint.value
-        if not (constraint.bare and isinstance(name, str) and name in names - {key}) or key in NAMING:
+        if not (constraint.bare and isinstance(name, str) and _is_doubtful(name, names)) or key in {*NAMING, name}:
             continue
         found = range_at(key, [p for p in where if p.allows(atom) and not p.lacks(atom)])
-        if name in found.values or not found.overlaps(range_at(name, [p for p in where if p.has(name)])):
+        if name in found.values:
+            continue
+        if name not in names:
+            yield from _foreign(constraint, name, found)
+            continue
+        if not found.overlaps(range_at(name, [p for p in where if p.has(name)])):
             continue
         yield (
             f'`{_written(constraint)}` asks for the text "{name}", and not for the value of the signal `{name}`; put '
             f"the text in quotes if it is meant, and compare the signals by a third one, as `same: {key} == {name}` "
             "under `derive`, if not"
         )
+
+
+def _is_doubtful(value: object, names: Set[str]) -> bool:
+    return isinstance(value, str) and (value in names or value.lower() in _MEANT)
+
+
+def _foreign(constraint: Constraint, word: str, found: Range) -> Iterator[str]:
+    """What is said of another language's word for a value, where the signal may be a text and may have it."""
+    told, kinds = _MEANT[word.lower()]
+    if is_signal(word) and "text" in found.kinds and found.kinds & kinds:
+        mend = told.format(key=constraint.key, value=word.lower())
+        what = f'`{_written(constraint)}` asks for the text "{word}"'
+        yield f"{what}, which is to be put in quotes if it is meant; {mend}"
 
 
 def _written(constraint: Constraint) -> str:

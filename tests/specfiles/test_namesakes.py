@@ -46,8 +46,26 @@ def test_an_equality_with_a_signals_name_is_told_of(formula: str, text: str) -> 
 
 
 @pytest.mark.parametrize(
+    ("formula", "atom", "mend"),
+    [
+        ("not {mode: True}", "mode: True", "a Boolean is written `true`"),
+        ("{topic: /odom} -> {mode != FALSE}", "mode != FALSE", "a Boolean is written `false`"),
+        ("not {speed: inf}", "speed: inf", "a signal is never NaN or infinite, since it then fails, and what reads it"),
+        ("not {mode: None}", "mode: None", "which no atom is true of: write `not {mode: *}`"),
+    ],
+)
+def test_a_word_for_a_value_of_another_language_is_told_of(formula: str, atom: str, mend: str) -> None:
+    (found,) = told(formula)
+    assert f"warning: formula of 'q': `{atom}` asks for the text" in found
+    assert mend in found
+
+
+@pytest.mark.parametrize(
     "formula",
     [
+        'not {mode: "True"}',
+        "not {topic: /state, state: None}",  # a text alone
+        "{topic: /odom} -> {speed: true}",
         '{topic: /odom} -> {speed == "limit"}',  # in quotes it is meant
         "{topic: /odom} -> {mode: high}",
         "{topic: /odom, mode: mode} -> {speed > limit}",
