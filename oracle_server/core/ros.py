@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Literal
 
@@ -29,6 +30,20 @@ def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
         yield from reply_hazards(spec)
     else:
         yield from _denied_responses(spec)
+
+
+def odd_names(spec: Spec) -> Iterator[SpecProblem]:
+    """Names that ROS 2 refuses, and ROS 1 reads as others: warnings, whatever the version of ROS."""
+    for i, stream in enumerate(spec.streams):
+        plain = re.sub("/+", "/", stream.name.rstrip("/"))
+        if stream.leads and plain != stream.name:
+            odd = "with `//`" if "//" in stream.name else "that ends with `/`"
+            yield SpecProblem(
+                ("streams", i, stream.traits.group),
+                f"stream '{stream.name}': ROS 2 has no name {odd}, and ROS 1 reads `{plain or '/'}` for it"
+                + (f"; write `{plain}`" if plain else ""),
+                severity="warning",
+            )
 
 
 def _denied_responses(spec: Spec) -> Iterator[SpecProblem]:
