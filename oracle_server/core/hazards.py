@@ -14,7 +14,15 @@ from oracle_server.core.derived.checks import derived_problems
 from oracle_server.core.derived.doubts import doubtful_derived
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
-from oracle_server.core.expression import MAX_PATTERNS, Expression, check_rows, check_shape, parse_expression, too_dear
+from oracle_server.core.expression import (
+    MAX_PATTERNS,
+    Expression,
+    check_rows,
+    check_shape,
+    idle,
+    parse_expression,
+    too_dear,
+)
 from oracle_server.core.fields import inspect_fields
 from oracle_server.core.gaps import gaps
 from oracle_server.core.incomparable import incomparable
@@ -148,6 +156,9 @@ def _expressions(spec: Spec) -> Iterator[SpecProblem]:
                 continue
             for found in check_shape(expressions[name], None):
                 yield SpecProblem(path, f"signal '{name}': {found.message}", found.within, found.severity)
+            same = idle(expressions[name])
+            if same is not None:
+                yield SpecProblem(path, f"signal '{name}': {same}", severity="warning")
         dear = too_dear(expressions)
         if dear is not None:
             yield SpecProblem(("streams", i, "signals"), dear)
