@@ -15,6 +15,7 @@ from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import (
     STEP,
+    Any,
     Atom,
     Forall,
     Formula,
@@ -39,7 +40,7 @@ def unseen_silence(spec: Spec) -> Iterator[SpecProblem]:
             continue
         names = frozenset(spec.derived_of(prop))
         reads = [each for each in spec.derive if each.name in names]
-        why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads)
+        why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads) or _why_computed(spec, prop)
         if why:
             message = f"formula of '{prop.id}': no deadline violates it, so that silence is not told: {why}"
             yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="vacuous")
@@ -107,6 +108,30 @@ def _why_at_messages(spec: Spec, prop: Property, reads: Iterable[Definition]) ->
         mend = "write what must hold with `always`, as `always not {…}`, and `time: seconds`"
         return f"{while_silent}, and such a pattern is about messages; {mend}"
     return f"{while_silent}, and steps are messages; write `time: seconds`"
+
+
+def _why_computed(spec: Spec, prop: Property) -> str:
+    """Why a property over what is computed of a rate or count is judged at messages alone; empty for all others."""
+    if prop.guards or prop.engine == "reelay" or (prop.time == "steps" and prop.time_given):
+        return ""
+    fading = {each.name: each for each in spec.derive if each.op in _MORE and each.timed}
+    sources = {name: name for name in fading}
+    for each in spec.derive:
+        of = [sources[name] for name in each.operands if name in sources] if each.op == "expression" else []
+        if of:
+            sources[each.name] = of[0]
+    keys = {by for each in fading.values() for by in each.by}
+    quiet = without_signals(lasting(spec, keys))
+    if present(prop.formula, quiet) is True:
+        return ""
+    compared = [c for atom in prop.atoms if quiet(atom) is not False for c in atom.constraints if c.value != Any.ANY]
+    computed = next((c.key for c in compared if c.key in sources and c.key not in fading), None)
+    if computed is None:
+        return ""
+    return (
+        f"`{computed}` is computed of `{sources[computed]}`, which changes while no message comes, and an expression "
+        f"has no deadlines; compare `{sources[computed]}` itself, with `time: seconds`"
+    )
 
 
 def _at_steps(formula: Formula) -> Formula | None:

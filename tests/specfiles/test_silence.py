@@ -23,6 +23,8 @@ derive:
   often: {{rate: '{{topic: /scan}}', over: 2s}}
   lately: {{count: '{{topic: /scan}}', over: 2s}}
   last_ten: {{count: '{{topic: /scan}}', over: 10}}
+  per_minute: often * 60
+  few: per_minute < 300
 properties:
   - id: others
     formula: '{{topic: /odom}} -> {{idle: *, often: *}} or {{lately: *, last_ten: *}}'
@@ -57,6 +59,21 @@ def test_one_that_counts_steps_is_judged_at_messages_alone(prop: str, what: str)
     assert found.endswith(f"`{what}` {change} while no message comes, and steps are messages; write `time: seconds`")
     assert told(f"{prop}, time: seconds") == []
     assert told(f"{prop}, time: steps") == []
+
+
+@pytest.mark.parametrize("time", ["", ", time: seconds"])
+@pytest.mark.parametrize(
+    ("prop", "what"),
+    [
+        ("formula: 'not {per_minute < 300}'", "per_minute"),
+        ("formula: '{mode: AUTO} -> not {few}'", "few"),
+        ("pattern: 'always not {few}'", "few"),
+    ],
+)
+def test_what_is_computed_of_a_rate_has_no_deadline(prop: str, what: str, time: str) -> None:
+    (found,) = told(prop + time)
+    assert f"`{what}` is computed of `often`, which changes while no message comes" in found
+    assert found.endswith("an expression has no deadlines; compare `often` itself, with `time: seconds`")
 
 
 @pytest.mark.parametrize("time", ["", ", time: seconds"])
