@@ -248,6 +248,9 @@ class _Seen:
         claim: Literal["true", "false"] = "true" if value else "false"
         if instant is self.prop.formula:
             more = "; it can never be violated" if value else "; write what must hold"
+            if value and looks_ahead(instant):
+                at_once = "where the event that asks is the answer, write a lower bound, as in `eventually[1:60] …`"
+                more = f"{more}; {at_once}"
             message = f"it {what} at every event, whatever the messages say{more}"
         else:
             message = f"`{render(instant, self.prop.time)}` {what} at every event, whatever the messages say"

@@ -14,10 +14,12 @@ from itertools import product
 from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import met, others, signs
 from oracle_server.core.formula.tree import (
+    Always,
     And,
     Atom,
     Bound,
     Constraint,
+    Eventually,
     Exists,
     Forall,
     Formula,
@@ -30,6 +32,7 @@ from oracle_server.core.formula.tree import (
     Ref,
     Signal,
     Since,
+    Until,
     walk,
 )
 from oracle_server.core.places import Place
@@ -122,10 +125,15 @@ class Worlds:
                 # as the whole holds for each value of its own, whichever value decides the quantifier
                 self._quantifiers += 1
                 return self._compiled(body, {**scope, variable: self._quantifiers})
-            case Once(operand, Bound(lower=0)) | Since(_, operand, Bound(lower=0)):
+            case (
+                Once(operand, Bound(lower=0))
+                | Since(_, operand, Bound(lower=0))
+                | Eventually(operand, Bound(lower=0))
+                | Until(_, operand, Bound(lower=0))
+            ):
                 now = self._compiled(operand, scope)
                 return lambda world, known: now(world, known) or None
-            case Historically(operand, Bound(lower=0)):
+            case Historically(operand, Bound(lower=0)) | Always(operand, Bound(lower=0)):
                 now = self._compiled(operand, scope)
                 return lambda world, known: None if now(world, known) is not False else False
             case _:

@@ -153,6 +153,23 @@ def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) ->
 @pytest.mark.parametrize(
     "formula",
     [
+        "{cmd > 1} -> eventually[:10] {cmd > 1}",
+        "{cmd > 1} -> eventually[:10] {cmd > 0.5}",
+        "{cmd > 1} -> not {stopped} until[:10] {cmd > 0}",
+        "forall[g]. {cmd: *g} -> eventually[:10] {cmd: *g}",
+    ],
+)
+def test_what_the_event_that_asks_answers_itself_is_told_of(formula: str) -> None:
+    assert [w.message for w in warnings(formula)] == [
+        "formula of 'p0': it holds at every event, whatever the messages say; it can never be violated; where the "
+        "event that asks is the answer, write a lower bound, as in `eventually[1:60] …`"
+    ]
+    assert warnings(formula.replace("[:10]", "[1:10]")) == ()
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
         '{topic: "/cmd_vel", cmd != 0} -> {level > 3}',
         'historically({topic: "/battery"} -> {percent > 5})',
         "historically({percent: *} -> {percent >= 20})",
