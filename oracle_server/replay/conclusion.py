@@ -123,6 +123,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
         why = because(counts) if how == "failed" else ""
         yield f"{key}: the signal {name} {how} at {_all(coverage[key]['events'])}{why}"
     yield from _incomparable(replay, coverage)
+    yield from replay.spelling.doubts()
     yield from replay.lacking.doubts()
     yield from replay.units.doubts()
     yield from replay.leaps.doubts()

@@ -33,6 +33,7 @@ from oracle_server.replay.lastdeadline import LastDeadline
 from oracle_server.replay.leaps import Leaps
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 from oracle_server.replay.settling import Handling, Settling
+from oracle_server.replay.spelling import Spelling
 from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
@@ -75,7 +76,7 @@ class Replay:
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
         ready = plan(spec)
-        self.lacking = Lacking(ready, types)
+        self.lacking, self.spelling = Lacking(ready, types), Spelling(spec)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
@@ -122,6 +123,7 @@ class Replay:
             self.comparison.compare(judged)
         self._unjudged.note(judged)
         self.delays.note(judged)
+        self.spelling.look(judged.step.event.stream, judged.step.signals)
         self.forced += judged.step.forced
 
     @property

@@ -273,11 +273,27 @@ def test_warnings_of_types_are_for_check_alone(tmp_path: Path, capsys: pytest.Ca
     assert capsys.readouterr().err == ""
 
 
+def test_a_spec_may_ask_for_two_spellings(tmp_path: Path) -> None:
+    text = SPEC.replace("{mode: *}", "{mode: idle} or {mode: IDLE}")
+    events = trace(tmp_path, ("/battery", {"level": 50}), ("/mode", {**FULL, "mode": "idle"}))
+    assert run_replay([write_spec(tmp_path, text)], events, None, "text", strict=True) == 0
+
+
 STRANGE: dict[str, tuple[str, list[dict[str, Any]], str]] = {
     "numbers as texts": (
         "not {level < 20}",
         [{"data": {"level": "9"}}],
         "/battery: the signal level was always a text, and p compares it with a number",
+    ),
+    "another spelling": (
+        'not {level: "Low"}',
+        [{"data": {"level": "LOW"}}, {"data": {"level": "FULL"}}],
+        'p compares level with "Low", which it never was: it was "LOW"',
+    ),
+    "a frame with a slash": (
+        '{topic: /battery} -> {level != "/map"}',
+        [{"data": {"level": "map"}}],
+        'p compares level with "/map", which it never was: it was "map"',
     ),
     "a request on a topic": (
         "{topic: /battery} -> {level >= 20}",
