@@ -96,6 +96,9 @@ class McapFile(InBlocks):
             read = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
             self._counts = read if self._counts is None else self._counts
             del self.damages[0 if ended else 1 :]  # they are found again with the messages
+        behind = size - position - len(MAGIC)
+        if ended and behind > 0:
+            self.damages.append(f"has {behind} bytes behind its end that were not read, as of a file that was appended")
 
     @property
     def _lacks_schemas(self) -> bool:

@@ -17,7 +17,7 @@ from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
 from oracle_server.replay.blocks import Block
 from oracle_server.replay.command import run_replay
-from oracle_server.replay.conclusion import UNUSABLE
+from oracle_server.replay.conclusion import UNJUDGED, UNUSABLE
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.storage import Message
@@ -268,3 +268,15 @@ def test_an_empty_file_is_none(numbers: Spec, tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"")
         with pytest.raises(TraceError, match="is empty"):
             open_recording(tmp_path / name, numbers)
+
+
+def test_a_file_that_was_appended_to_another_is_said(tmp_path: Path) -> None:
+    """What stands behind the end of an MCAP file is no part of it, and its messages are not judged."""
+    paths = [write_numbers(tmp_path / name, {"/x": MANY[:5]}, StoragePlugin.MCAP) for name in ("one", "other")]
+    one, other = (next(path.glob("*.mcap")).read_bytes() for path in paths)
+    path = tmp_path / "both.mcap"
+    path.write_bytes(one + other)
+    found = judge(load_spec(write_spec(tmp_path, NUMBERS)).spec, path)
+    assert not isinstance(found, str)
+    assert (found.status, len(found.doubts)) == (UNJUDGED, 1)
+    assert found.doubts[0].startswith(f"both.mcap: has {len(other)} bytes behind its end that were not read")
