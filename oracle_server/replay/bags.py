@@ -8,8 +8,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import zstandard
-
 from oracle_server.core.errors import TraceError, one_line
 from oracle_server.core.events import Event
 from oracle_server.core.plan import plan
@@ -28,8 +26,6 @@ from oracle_server.replay.together import together
 from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
-_LARGEST = 2**30
-"""The most bytes of one message that is decompressed."""
 
 
 _AnySource = Source | ActionSource
@@ -58,7 +54,6 @@ class Bag:
         self._actions: dict[str, Action] = {}
         self._sources: dict[Channel, _AnySource] = {}
         """By channels without their numbers: a topic has one for each publisher, or in each file."""
-        self._compressed = False
 
     def __iter__(self) -> Iterator[Recorded]:
         """The messages. Raises `TraceError` where nothing of the bag can be read."""
@@ -67,7 +62,6 @@ class Bag:
             with ExitStack() as stack:
                 place = _unpacked(self.path, stack)
                 files = files_of(place)
-                self._compressed = files.compressed
                 storages = self._open(files, stack)
                 sources = self._prepare(files, storages)
                 self._survey(storages, sources)
@@ -173,7 +167,7 @@ class Bag:
     ) -> None:
         for source, time, raw in together(storages, sources, lambda: None):
             try:
-                look(source, time, self._plain(raw))
+                look(source, time, raw)
             except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
                 continue
 
@@ -198,12 +192,7 @@ class Bag:
 
     def _items(self, source: _AnySource, raw: bytes) -> list[Item]:
         source.topic.seen += 1
-        return source.items(self._plain(raw))
-
-    def _plain(self, raw: bytes) -> bytes:
-        if not self._compressed:
-            return raw
-        return zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
+        return source.items(raw)
 
 
 def _unpacked(path: Path, stack: ExitStack) -> Path:

@@ -17,6 +17,8 @@ from oracle_server.replay.storage import LATEST, DamagedError, Message
 LARGEST = 2**30
 """The most bytes of a block that is decompressed; recorders write blocks of some megabytes."""
 _PIECE = 2**20
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""How what zstd has compressed begins."""
 
 
 class Block(NamedTuple):

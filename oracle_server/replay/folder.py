@@ -16,6 +16,7 @@ import yaml
 import zstandard
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.blocks import ZSTD
 from oracle_server.replay.mcap import is_trace
 from oracle_server.replay.mcapfile import MAGIC as MCAP
 from oracle_server.replay.mcapfile import McapFile
@@ -25,7 +26,6 @@ from oracle_server.replay.sqlitefile import MAGIC as SQLITE
 from oracle_server.replay.sqlitefile import SqliteFile
 from oracle_server.replay.storage import Storage
 
-ZSTD = b"\x28\xb5\x2f\xfd"
 _KINDS: dict[bytes, Callable[[Path], Storage]] = {MCAP: McapFile, SQLITE: SqliteFile, ROS1: Ros1File}
 MAGICS = (*_KINDS, ZSTD)
 """How the files of bags begin."""
@@ -40,14 +40,12 @@ class Files:
     """The files of a bag, in the order of recording; without metadata in that of the numbers in their names.
 
     Those that the metadata names are among them where they are missing, too. `promised` are the numbers of messages by
-    topic that it has, None without metadata; `notes` says what is wrong with the bag as a whole; `compressed`: each
-    message is compressed.
+    topic that it has, None without metadata; `notes` says what is wrong with the bag as a whole.
     """
 
     paths: list[Path]
     promised: Counter[str] | None = None
     notes: list[str] = field(default_factory=list)
-    compressed: bool = False
 
 
 def files_of(path: Path) -> Files:
@@ -113,8 +111,7 @@ def _listed(folder: Path, information: dict[str, Any]) -> Files:
     if not any(path.is_file() for path in paths):
         raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
     notes = [f"{path.name}: is not named in {METADATA}, and was not judged" for path in _beside(folder, paths)]
-    compressed = str(information.get("compression_mode", "")).lower() == "message"
-    return Files(paths, Counter(dict(_promised(information))), notes, compressed)
+    return Files(paths, Counter(dict(_promised(information))), notes)
 
 
 def _beside(folder: Path, named: Sequence[Path]) -> Iterator[Path]:

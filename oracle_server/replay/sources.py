@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import msgspec
+import zstandard
 from rosbags.typesys.store import Typestore
 
 from oracle_server.core.events import StreamKey
@@ -15,6 +16,7 @@ from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.plan import Plan
 from oracle_server.core.stamps import DEFAULT_PATHS, stamp_fault, stamp_in
 from oracle_server.replay.bagmessages import message_reader, ros1_decoder
+from oracle_server.replay.blocks import ZSTD
 from oracle_server.replay.coverage import signal_names
 from oracle_server.replay.definitions import EVENT, event_parts, type_name, types_of
 from oracle_server.replay.passing import Filter
@@ -27,6 +29,8 @@ _HEADING = 4
 """Bytes before a message in CDR, of which the first two tell how it is written."""
 _ORDERS = (b"\0\0", b"\0\1")
 """Big-endian and little-endian."""
+_LARGEST = 2**30
+"""The most bytes of one message that is decompressed."""
 _PADDING = 8
 """A message without lists and texts has fewer bytes than that behind its end."""
 
@@ -209,8 +213,11 @@ def read_cdr(types: Typestore, raw: bytes, name: str) -> Any:
     """A message of a type that was serialized as CDR. Raises ValueError and whatever decoding raises.
 
     What stands behind its end is no part of it, and may be anything: ROS reserves as many bytes as a message of lists
-    and texts has at most, and writes them all. `Typestore.deserialize_cdr` takes that for another type.
+    and texts has at most, and writes them all. `Typestore.deserialize_cdr` takes that for another type. It may be
+    compressed: rosbag2 does so by its metadata alone, and no message begins as these do.
     """
+    if raw.startswith(ZSTD):
+        raw = zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
     if len(raw) < _HEADING or raw[:2] not in _ORDERS:
         raise ValueError(f"it is no CDR that is read: it begins with the bytes {raw[:2].hex(' ')}")
     known = types.get_msgdef(name)

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.blocks import ZSTD
 from tests.replay.judging import BASE, MS, Judgement, judge, write_spec
 
 STORE = get_typestore(Stores.LATEST)
@@ -114,3 +116,17 @@ def test_why_messages_are_not_read_is_told_without_advice_that_does_not_help(nam
     assert "x.mcap: /x: " in str(told.value)
     assert why in str(told.value)
     assert "--types" not in str(told.value)
+
+
+def test_messages_that_are_compressed_one_by_one_are_read_without_the_metadata_that_says_so(tmp_path: Path) -> None:
+    """A file of such a bag alone, and what a recorder left that was killed, have no metadata."""
+    found = of_arm(tmp_path, [zstandard.compress(joints(n / 10)) for n in range(10)])
+    assert (found.exit, found.said) == (1, "")
+    assert [row["step"] for row in found.rows if row["violation"]] == [10]
+
+
+def test_a_message_of_ros1_that_begins_as_what_is_compressed_is_read_as_it_stands(tmp_path: Path) -> None:
+    schema = ("std_msgs/UInt32", "ros1msg", b"uint32 data\n")
+    path = write(tmp_path / "x.mcap", "/x", [ZSTD], schema=schema, how="ros1")
+    found = judge(write_spec(tmp_path, SPEC.replace("> 5", "= 4247762216")), path)
+    assert (found.exit, found.said) == (1, "")
