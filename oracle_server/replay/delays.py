@@ -1,4 +1,4 @@
-"""Events that came too late for their place in the order, or with stamps too far ahead: how many of each stream."""
+"""Events that came too late for their place in the order or for a deadline, or with stamps too far ahead: how many."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ _HANDFUL = 5
 
 _LATE = "late, up to", "behind what was judged before"
 _SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
+_OVERTAKEN = "older than a deadline that was judged before: up to", "between stamp and arrival"
+_DAY = 86_400 * SECOND
+"""For so long no message is on its way."""
 
 
 @dataclass(slots=True)
@@ -38,13 +41,18 @@ class Delays:
         """Begin with nothing judged."""
         self._ordered = {stream.key for stream in spec.streams if stream.ordered}
         self._events: Counter[StreamKey] = Counter()
-        self._late, self._placed, self._skewed = _Displaced(), _Displaced(), _Displaced()
-        self._present = 0
+        self._late, self._placed, self._skewed, self._overtaken = (_Displaced() for _ in range(4))
+        self._present = self._deadline = 0
 
     def note(self, judged: Judged) -> None:
         """Note a judged step."""
         step, stream = judged.step, judged.step.event.stream
-        if judged.order != "publication" or stream.kind == TICK or stream not in self._ordered or step.event.row:
+        if judged.order != "publication":
+            return
+        if stream.kind == TICK:
+            self._deadline = max(self._deadline, step.time)
+            return
+        if stream not in self._ordered or step.event.row:
             return
         self._events[stream] += 1
         if step.skewed:
@@ -52,16 +60,22 @@ class Delays:
         if step.late:
             found = self._late if judged.place is None else self._placed
             found.add(stream, self._present - step.time)
+        elif step.time < self._deadline:
+            self._overtaken.add(stream, step.event.arrived - step.time)
         self._present = max(self._present, step.time)
 
     def notes(self) -> Iterator[Note]:
         """What is to be said of each stream; where most of its events are not in their place that is a doubt."""
         for stream, events in self._events.items():
-            for found, before, after in (self._late, *_LATE), (self._skewed, *_SKEWED):
+            for found, before, after in (
+                (self._late, *_LATE), (self._skewed, *_SKEWED), (self._overtaken, *_OVERTAKEN),
+            ):  # fmt: skip
                 count = found.count[stream]
                 if count:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
+                    if found is self._overtaken and found.most[stream] > _DAY:
+                        text += "; a simulation is recorded in its own time, as by `ros2 bag record --use-sim-time`"
                     yield Note(text, doubt=count > max(_HANDFUL, events // 2))
             count = self._placed.count[stream]
             if count:

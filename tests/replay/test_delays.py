@@ -95,3 +95,33 @@ def test_a_stream_in_its_place_is_no_matter(case: str, tmp_path: Path) -> None:
 def test_by_both_orders_an_event_counts_once(tmp_path: Path) -> None:
     found = judged(tmp_path, [5000] * 20, "by: both")
     assert "/scan: its 20 messages are skewed" in found.said
+
+
+ANSWERED = """
+id: answered
+ordering: {max_delay: 200ms}
+streams: [{topic: /goal}, {topic: /status}]
+properties: [{id: goals, pattern: '/goal causes /status within 500ms'}]
+"""
+BEHIND = {
+    "a simulation": (BASE - 5000 * MS, "; a simulation is recorded in its own time, as by `ros2 bag record --use-"),
+    "a slow link": (600 * MS, "/status: its 10 messages are older than a deadline that was judged before: up to 0.6 s"),
+    "as fast as it must be": (200 * MS, ""),
+}
+
+
+@pytest.mark.parametrize("case", BEHIND)
+def test_messages_that_came_after_a_deadline_that_they_were_in_time_for_are_said(case: str, tmp_path: Path) -> None:
+    """Each goal is answered after 400 ms, and all come so much behind their stamps."""
+    behind, said = BEHIND[case]
+    path = tmp_path / "trace.jsonl"
+    lines = [
+        {"stream": stream, "stamp": at - behind, "arrived": at, "data": {}}
+        for n in range(10)
+        for stream, at in (("/goal", BASE + n * 1000 * MS), ("/status", BASE + (n * 1000 + 400) * MS))
+    ]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found = judge(write_spec(tmp_path, ANSWERED), path)
+    assert (found.exit, found.summary["violations"]) == ((1, 10) if said else (0, 0))
+    assert said in found.said
+    assert len(found.summary["notes"]) == bool(said)
