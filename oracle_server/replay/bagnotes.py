@@ -45,17 +45,14 @@ def _types(topic: Topic) -> Iterator[Note]:
 
 
 def _of_topic(topic: Topic) -> Iterator[Note]:
+    if topic.refused:
+        name = topic.role.streams[0].name if topic.role else ""
+        yield Note(one_line(topic.refused), unusable=True, unread=name)
     if topic.role is None:
         if topic.gives is not None and topic.gives.others:
             yield passed_beside(topic.name, topic.gives.others)
         return
-    if topic.unreadable:
-        what, type_ = counted(topic.seen, "message"), f"could be read as {topic.type}: {topic.why}"
-        if topic.unreadable == topic.seen:
-            yield Note(f"{topic.name}: none of its {what} {type_}", unusable=True)
-        else:
-            text = f"{topic.name}: {topic.unreadable} of its {what} could not be read: {topic.why}"
-            yield Note(text, doubt=True, unread=topic.role.streams[0].name)
+    yield from _unread(topic, topic.role.streams[0].name)
     if topic.seen < topic.promised:
         what = f"of the {counted(topic.promised, 'message')} that it should have"
         if topic.seen:
@@ -72,3 +69,14 @@ def _of_topic(topic: Topic) -> Iterator[Note]:
     if topic.bare:
         what = "service events" if topic.bare > 1 else "service event"
         yield Note(f"{topic.name}: {topic.bare} {what} without content: only metadata was recorded", doubt=True)
+
+
+def _unread(topic: Topic, name: str) -> Iterator[Note]:
+    """Messages that could not be read; `name` is that of the streams."""
+    if topic.unreadable:
+        what, type_ = counted(topic.seen, "message"), f"could be read as {topic.type}: {topic.why}"
+        if topic.unreadable == topic.seen:
+            yield Note(f"{topic.name}: none of its {what} {type_}", unusable=True, unread=name)
+        else:
+            text = f"{topic.name}: {topic.unreadable} of its {what} could not be read: {topic.why}"
+            yield Note(text, doubt=True, unread=name)

@@ -117,9 +117,17 @@ class Bag:
                 if topic_name is not None:
                     type_ = role.type if role.action else self._plan.spec.by_key[role.streams[0]].type
                     self._topics[topic_name].wanted = type_
-        return [
+        return self._sources_of(storages)
+
+    def _sources_of(self, storages: Sequence[Storage]) -> list[dict[int, _AnySource]]:
+        """The sources of each file by channel. Raises `TraceError` where no channel can be read."""
+        sources = [
             {c.id: source for c in storage.channels if (source := self._source(c)) is not None} for storage in storages
         ]
+        refused = next((topic.refused for topic in self._topics.values() if topic.refused), "")
+        if refused and not any(sources):
+            raise TraceError(refused)
+        return sources
 
     def _source(self, channel: Channel) -> _AnySource | None:
         if channel.topic not in self._topics:
@@ -133,13 +141,14 @@ class Bag:
             if alike not in self._sources:
                 self._sources[alike] = self._new_source(channel, topic)
             return self._sources[alike]
-        except TraceError:
-            if channel.promised == 0:
-                return None
-            raise
+        except TraceError as error:
+            why = str(error)
         except Exception as error:  # noqa: BLE001 -- a damaged definition makes the library raise anything
-            what = f"{channel.topic}: its messages can't be read as {channel.type}"
-            raise TraceError(f"{what}: {_reason(error)}") from None
+            why = f"{channel.topic}: its messages can't be read as {channel.type}: {_reason(error)}"
+        if channel.promised != 0:
+            topic.refused = topic.refused or why
+            topic.promised -= channel.promised or 0
+        return None
 
     def _new_source(self, channel: Channel, topic: Topic) -> _AnySource:
         if topic.role is not None and topic.role.action:

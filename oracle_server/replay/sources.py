@@ -57,6 +57,7 @@ class Topic:
 
     `role` is None for a topic on which only what passed `gives` is. Of the `promised` messages `seen` ones were
     read, of which `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content, and
+    `refused` is why those of a channel can't be read at all, empty where they can;
     `timeless` ones no publication time where it should be, the first for the reason `why_timeless`. Its messages
     should be of the type that is `wanted`, empty for any; `types` are those that they have, with how many as far as
     that is known. Beneath an action, `goals` are those of open calls, and `standing` is how they stood in the last
@@ -76,6 +77,7 @@ class Topic:
     type: str = ""
     wanted: str = ""
     types: dict[str, int] = field(default_factory=dict)
+    refused: str = ""
     bare: int = 0
     timeless: int = 0
     why_timeless: str = ""

@@ -135,5 +135,5 @@ def test_a_filtered_service_is_judged_by_what_was_asked_of_its_proxy(tmp_path: P
 
 def test_an_event_whose_definition_is_unknown_is_told(tmp_path: Path) -> None:
     bag = write(tmp_path / "bag", call("/add", 1, 3), StoragePlugin.MCAP, definition="Odd x\n---\n")
-    with pytest.raises(Exception, match="--types"):
-        judge(write_spec(tmp_path, PLAIN), bag)
+    found = judge(write_spec(tmp_path, PLAIN), bag)
+    assert (found.exit, "--types" in found.said) == (2, True)

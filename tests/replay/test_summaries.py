@@ -30,13 +30,15 @@ def number(value: float) -> bytes:
     return b"\x00\x01\x00\x00" + struct.pack("<d", value)
 
 
-def write(path: Path, other: Channel, message: bytes, *, counted: bool = True, **leaving_out: Any) -> Path:
-    """Five numbers on /a and messages on /b; the statistics have each channel's messages where they are `counted`."""
+def write(
+    path: Path, other: Channel, message: bytes, *, numbers: str = "/a", counted: bool = True, **leaving_out: Any
+) -> Path:
+    """Five `numbers` and messages on /b; the statistics have each channel's messages where they are `counted`."""
     with path.open("wb") as out:
         writer = Writer(out, **leaving_out)
         writer.start(profile="ros2", library="test")
         ids = []
-        for topic, (name, encoding, definition, serialization) in (("/a", NUMBER), ("/b", other)):
+        for topic, (name, encoding, definition, serialization) in ((numbers, NUMBER), ("/b", other)):
             schema = writer.register_schema(name, encoding, definition)
             ids.append(writer.register_channel(topic, serialization, schema))
         for n in range(5):
@@ -65,8 +67,37 @@ def test_other_types_are_told_whether_or_not_messages_are_counted(counted: bool,
 def test_messages_that_are_not_read_are_told_whether_or_not_they_are_counted(counted: bool, tmp_path: Path) -> None:
     json = ("std_msgs/msg/Float64", "jsonschema", b"{}", "json")
     path = write(tmp_path / "x.mcap", json, b'{"data": 99}', counted=counted)
-    with pytest.raises(Exception, match="/b: its messages are in 'json', which is not read"):
-        of(path)
+    found = of(path)
+    assert (found.exit, found.said.count("/b: its messages are in 'json', which is not read")) == (2, 1)
+    assert "should have" not in found.said
+
+
+def test_what_passed_a_filter_and_is_not_read_is_told(tmp_path: Path) -> None:
+    json = ("std_msgs/msg/Float64", "jsonschema", b"{}", "json")
+    path = write(tmp_path / "x.mcap", json, b'{"data": 99}', numbers="/b_mon")
+    text = """
+    id: filtered
+    streams: [{topic: /b, action: filter, type: std_msgs/msg/Float64, signals: {v: msg.data}}]
+    properties: [{id: low, formula: 'historically {v < 5}', guards: [/b]}]
+    """
+    found = judge(write_spec(tmp_path, text), path)
+    assert (found.exit, "/b: its messages are in 'json', which is not read" in found.said) == (2, True)
+
+
+def test_what_is_not_read_on_one_topic_keeps_no_other_from_being_judged(tmp_path: Path) -> None:
+    """Properties of that topic are not judged, and all others are."""
+    json = ("levels/Level", "jsonschema", b"{}", "json")
+    path = write(tmp_path / "x.mcap", json, b'{"data": 99}')
+    text = """
+    id: two
+    streams: [{topic: /a, signals: {a: msg.data}}, {topic: /b, signals: {b: msg.data}}]
+    properties: [{id: low, formula: 'not {a > 0.5}'}, {id: other, formula: 'not {b > 5}'}]
+    """
+    found = judge(write_spec(tmp_path, text), path)
+    assert (found.exit, found.summary["properties"]["low"]["violations"]) == (2, 1)
+    assert [(row["property"], row["reason"]) for row in found.summary["unjudged"]] == [
+        ("other", "/b: its messages are in 'json', which is not read")
+    ]
 
 
 LEFT_OUT: dict[str, dict[str, Any]] = {
