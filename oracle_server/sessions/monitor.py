@@ -136,7 +136,8 @@ class Monitor:
 
 def taken(name: str) -> WireError:
     """What a process is told that attaches by the name of one that is connected."""
-    return WireError("monitor_taken", f"another process is attached as '{name}'", fatal=True)
+    message = f"another process is attached as '{name}': end that one, or give this one another name"
+    return WireError("monitor_taken", message, fatal=True)
 
 
 def claimed(spec: Spec, wanted: Attach) -> tuple[StreamKey, ...]:

@@ -37,7 +37,8 @@ class Timing:
 
     A connection on which nothing comes for `ping_interval + ping_timeout` is given up. The time
     between attempts doubles from `backoff_first` to `backoff_last`, each shortened at random by up
-    to a half.
+    to a half. For `name_timeout` from its start the link waits for its name, where another process
+    that is attached by it may be ending.
     """
 
     open_timeout: float = 3.0
@@ -47,6 +48,7 @@ class Timing:
     close_timeout: float = 1.0
     backoff_first: float = 0.1
     backoff_last: float = 2.0
+    name_timeout: float = 10.0
 
 
 @dataclass(frozen=True)

@@ -92,6 +92,7 @@ class Keeper:
     async def _keep_up(self) -> None:
         """Raise the `LinkError` after which another connection is useless."""
         delays, clock = self._delays(), asyncio.get_running_loop().time
+        name_due = clock() + self._timing.name_timeout
         while not self._exchange.done:
             began, url = clock(), self._route.address.url
             try:
@@ -99,6 +100,8 @@ class Keeper:
                 continue
             except LinkError as failure:
                 error = failure
+                if failure.code == "monitor_taken" and clock() < name_due:
+                    failure.fatal = False
                 at_once = self._move(failure)
             except FAILURES as failure:
                 code = "disconnected" if self._exchange.attached else "unreachable"
@@ -119,6 +122,8 @@ class Keeper:
     def _move(self, failure: Exception) -> bool:
         """Choose the server that is tried next; returns whether to try it at once."""
         route = self._route
+        if isinstance(failure, LinkError) and failure.code == "monitor_taken":
+            return False  # here the name will be free
         if isinstance(failure, LinkError) and failure.code == "moved":
             if failure.url is not None and route.several and not route.knows(failure.url):
                 failure.message += "; that is none of this monitor's servers"

@@ -16,6 +16,7 @@ QUICK = Timing(
     ping_timeout=PATIENCE,
     backoff_first=0.01,
     backoff_last=0.05,
+    name_timeout=PATIENCE,
 )
 """Quick to connect again, and slow to give up: on a busy machine who is silent is not dead."""
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, List
 
 import pytest
 from oracle_adapter import Link, LinkError, Timing
 from oracle_adapter.command import close
 from oracle_adapter.protocol import Protocol
-from tests.adapters.common.links import PATIENCE, answer_of, ask
+from tests.adapters.common.links import PATIENCE, QUICK, answer_of, ask
 
 if TYPE_CHECKING:
     from tests.adapters.common.conftest import News, Oracle, Peer
@@ -140,9 +141,7 @@ class TestEnding:
         assert told.wait(PATIENCE)
         assert "callback" in str(raised[0])
 
-    @pytest.mark.parametrize(
-        "code", ["spec_mismatch", "monitor_taken", "unknown_spec", "read_only"]
-    )
+    @pytest.mark.parametrize("code", ["spec_mismatch", "unknown_spec", "read_only"])
     def test_a_fatal_answer_to_attach(
         self, oracle: Oracle, news: News, link: Link, code: str
     ) -> None:
@@ -158,6 +157,35 @@ class TestEnding:
         assert news.error().code == code
         peer.wait_finished()
         assert oracle.requests.qsize() == 1
+
+    def test_a_name_is_waited_for_that_another_process_has(
+        self, oracle: Oracle, news: News, link: Link
+    ) -> None:
+        future = ask(link)
+        for _ in range(3):
+            peer = oracle.accept()
+            assert peer.recv()["type"] == "attach"
+            peer.send("error", code="monitor_taken", message="another one", fatal=True)
+            peer.wait_finished()
+        peer = oracle.accept()
+        peer.attach()
+        peer.events(1)
+        peer.send("decision", seq=1, decision="allow", denied_by=[], verdicts={})
+        assert answer_of(future).decision == "allow"
+        assert str(news.error()) == "monitor_taken: another one"
+        assert [news.state()] == ["attached"]
+        assert news.errors.empty()
+
+    def test_a_name_is_waited_for_no_longer_than_its_time(self, oracle: Oracle, news: News) -> None:
+        timing = replace(QUICK, name_timeout=0.0)
+        with Link(oracle.url, "uav1", timing=timing, **news.callbacks()) as link:
+            peer = oracle.accept()
+            assert peer.recv()["type"] == "attach"
+            peer.send("error", code="monitor_taken", message="another one", fatal=True)
+            with pytest.raises(LinkError, match="monitor_taken: another one"):
+                link.wait_attached(PATIENCE)
+            assert news.error().fatal
+            assert oracle.requests.qsize() == 1
 
     @pytest.mark.parametrize("code", ["replaced", "session_closed"])
     def test_a_fatal_error_later(self, oracle: Oracle, news: News, link: Link, code: str) -> None:
