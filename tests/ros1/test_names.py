@@ -1,4 +1,4 @@
-"""Remaps on real ROS 1 that would let what has passed come again."""
+"""Names on real ROS 1: of the adapter's node, and remaps that would let what has passed come again."""
 
 from __future__ import annotations
 
@@ -44,3 +44,14 @@ def test_a_remap_of_one_topic_of_an_action_to_its_proxy_is_refused(tmp_path: Pat
     with judge(streams("goal", ask="goal")) as oracle, Scene(tmp_path) as scene:
         told = refused(scene, oracle.url, "s", "/count/goal:=/count_mon/goal")
         assert "/count and its proxy /count_mon would both be /count_mon/goal here" in told
+
+
+@pytest.mark.parametrize(("monitor", "name"), [("7", "/monitor_7"), ("fleet/7", "/fleet_7")])
+def test_the_node_of_a_monitor_of_digits_has_a_name_that_ros_allows(monitor: str, name: str, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        adapter = scene.adapter("gate", monitor=monitor)
+        nodes = scene.run("rosnode", "rosnode", "list")
+        assert nodes.wait() == 0
+        assert name in nodes.log.split()
+        adapter.ends_well()
+        assert "UserWarning" not in adapter.log

@@ -107,7 +107,9 @@ def _in_time(leave: Callable[[], None]) -> bool:
 
 
 def _node_name(options: argparse.Namespace) -> str:
-    return re.sub(r"\W", "_", (options.monitor or "monitor").strip("/")) or "monitor"
+    """The monitor's name as ROS allows it, which wants a letter at the beginning."""
+    name = re.sub(r"\W", "_", (options.monitor or "monitor").strip("/"), flags=re.ASCII) or "monitor"
+    return name if name[0].isalpha() else f"monitor_{name}"
 
 
 def _run(options: argparse.Namespace, board: Board, stopping: Stopping, *, simulated: bool) -> int:
