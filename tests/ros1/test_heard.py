@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Int64
 
 from tests.processes import eventually
 from tests.robot import spec_folder
@@ -88,3 +88,32 @@ def test_a_topic_that_nobody_publishes_is_told_with_what_it_is_called_here(tmp_p
         )
         peer.advertise(Bool, "/estops")
         adapter.said("/estops: recovered")
+
+
+LOST = """
+import os
+os.environ["ROS_HOSTNAME"] = "robot.invalid"
+del os.environ["ROS_IP"]
+import rospy
+from std_msgs.msg import Int64
+
+rospy.init_node("lost")
+said = rospy.Publisher("/number", Int64, latch=True, queue_size=1)
+said.publish(101)
+rospy.spin()
+"""
+
+
+def test_a_publisher_that_can_not_be_reached_is_told_though_others_are_heard(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        adapter, peer = scene.adapter("watch"), scene.peer()
+        peer.advertise(Int64, "/number")
+        lost = scene.run("lost", sys.executable, "-c", LOST)
+        adapter.said(r"/number: /lost publishes /number, and nothing of it is heard: .* at http://robot\.invalid:\d+/")
+        eventually(
+            lambda: [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]],
+            lambda found: "/lost publishes /number" in found[0],
+        )
+        lost.end()
+        adapter.said("/number: recovered")
+        adapter.ends_well()

@@ -16,6 +16,7 @@ from oracle_ros1.actionstatus import accepted, word
 from oracle_ros1.codec import CodecError
 from oracle_ros1.observed import header_of, headers
 from oracle_ros1.shared import Shared
+from oracle_ros1.unheard import Unheard
 
 KEPT = 10_000
 """The most goals of which something is still to come; the oldest are forgotten."""
@@ -41,7 +42,7 @@ class ActionEvents:
         self.streams: Dict[str, ActionStream] = {stream.kind: stream for stream in made}
         self.numbers = call_numbers()
         """Number what clients ask for, in the order in which it comes."""
-        self._link = shared.link
+        self._link, self._unheard = shared.link, Unheard(shared.graph)
         self._replying = threading.Lock()  # guards what follows
         self._unanswered: "OrderedDict[str, int]" = OrderedDict()  # goals without a reply, with their numbers
         self._lost: Counter[str] = Counter()
@@ -151,4 +152,5 @@ class ActionEvents:
         with self._replying:
             self._unread = {node: why for node, why in self._unread.items() if node in nodes}
             found.update(dict.fromkeys(self._unread.values()))
+        found.update(dict.fromkeys(self._unheard.look(subscribers.values())))
         return list(found)

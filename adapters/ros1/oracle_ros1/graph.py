@@ -6,7 +6,7 @@ import threading
 from contextlib import suppress
 from functools import partial
 from http.client import HTTPConnection
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
@@ -87,7 +87,11 @@ class Graph:
     """Asks in a thread of its own, from `start` to `stop`: a master can be far away, and nothing must wait for it."""
 
     def __init__(self) -> None:
+        self.answers = 0
+        """How many the master has given."""
         self._publishers: Users = {}
+        self._asked: Set[str] = set()  # nodes whose addresses are wanted
+        self._addresses: Dict[str, str] = {}
         self._servers: Optional[Users] = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._ask, name="oracle-graph", daemon=True)
@@ -110,8 +114,16 @@ class Graph:
         The master has names as ROS's remaps of this node make them.
         """
         topic = rospy.resolve_name(topic)
-        others = sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
-        return [f"{node} publishes {topic} past the monitor" for node in others]
+        return [f"{node} publishes {topic} past the monitor" for node in self.publishers(topic)]
+
+    def publishers(self, topic: str) -> List[str]:
+        """The nodes but this one that published a topic when the master was last asked."""
+        return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
+
+    def address(self, node: str) -> str:
+        """Where the master has a node; empty until it is asked next, for what is still wanted then."""
+        self._asked.add(node)
+        return self._addresses.get(node, "")
 
     def published(self) -> List[str]:
         """The topics that other nodes than this one published when the master was last asked."""
@@ -142,6 +154,9 @@ class Graph:
         _, _, state = master.getSystemState()
         publishers, subscribers, servers = (dict(entries) for entries in state)
         self._publishers, self._servers = publishers, servers
+        self.answers += 1
+        asked, self._asked = self._asked, set()
+        self._addresses = {node: str(master.lookupNode(node)[2]) for node in asked}
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
         own, subscribe = rospy.get_name(), partial(_subscribe, master)
         self._register_again(

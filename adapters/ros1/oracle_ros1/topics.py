@@ -17,6 +17,7 @@ from oracle_adapter.unpublished import Unpublished
 from oracle_ros1.latches import Latches, latching
 from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, headers
 from oracle_ros1.shared import Shared
+from oracle_ros1.unheard import Unheard
 
 DEPTH = 1000  # messages that wait for a slow subscriber
 
@@ -31,14 +32,14 @@ class LoggedTopic:
         self.streams = [self._observed]
         self._graph, name = shared.graph, rospy.resolve_name(shared.names[topic.name])
         self._unheard = rospy.get_name() if name in OWN else None
-        self._silence = Unpublished(name)
+        self._silence, self._missing = Unpublished(name), Unheard(shared.graph)
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
         """Read its publishers' connection headers, and return what is wrong."""
         publishers = headers(self._subscriber)
         self._silence.look(lambda: bool(publishers), self._graph.published)
-        return "; ".join(self._observed.troubles(publishers))
+        return "; ".join([*self._observed.troubles(publishers), *self._missing.look([self._subscriber])])
 
     @property
     def unpublished(self) -> str:
@@ -81,7 +82,7 @@ class FilteredTopic:
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
-        self._silence = Unpublished(rospy.resolve_name(taken))
+        self._silence, self._missing = Unpublished(rospy.resolve_name(taken)), Unheard(shared.graph)
         self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
         self._latches = Latches(lambda: headers(self._subscriber))
         self._publisher: Optional[rospy.Publisher] = None
@@ -107,6 +108,7 @@ class FilteredTopic:
             self._publisher.impl.add_headers({"latching": latching(publishers)})
         troubles = [why for why in found if isinstance(why, str)]
         troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
+        troubles += self._missing.look([self._subscriber])
         past = self._graph.past(self._given)
         self.bypass = "; ".join(past)
         return "; ".join([*troubles, *past])
