@@ -25,6 +25,7 @@ from oracle_server.core.expression.static import (
     is_number,
     kind,
     no_field,
+    not_single,
 )
 from oracle_server.core.expression.tokens import comments, place
 from oracle_server.core.expression.tree import Node
@@ -183,8 +184,7 @@ class _Checker:
         if isinstance(node.of, tree.Path) and not node.of.names and kind(at) == "whole":
             self._error(node.index.start, "`msg` is a message, and no list; write a field, as in msg.data")
         elif isinstance(whole, Value) or (isinstance(whole, Record) and is_number(at)):
-            more = "; single characters can't be read" if kind(whole) in ("text", "bytes") else ""
-            self._error(node.index.start, f"`{text}` is {described(whole)}, and no list{more}")
+            self._error(node.index.start, f"`{text}` is {described(whole)}, and no list{not_single(whole, text)}")
         elif isinstance(at, Value) and at.kind in ("real", "bool"):
             self._error(
                 node.index.start, f"the number of an element is a whole one; write `int({self._snippet(node.index)})`"
@@ -279,10 +279,8 @@ class _Checker:
         elif isinstance(right.static, Many | Elements):
             stand_in = Operand(node.right, f"{right.text}[0]", element(right.static))
             self._told(node.start, operands.equal("in", left, stand_in))
-        elif kind(right.static) in ("text", "bytes"):
-            self._error(node.start, f"{right}, and no list; write `{right.text}.contains({left.text})`")
         elif isinstance(right.static, Value):
-            self._error(node.start, f"{right}, and `in` takes a list behind it")
+            self._error(node.start, operands.not_inside(left, right))
 
     def _one_of(self, node: tree.Compare, left: Operand, items: list[Operand]) -> None:
         """Refuse a list that can't have the value; of one that can, warn of the items that never match."""
@@ -336,7 +334,8 @@ class _Checker:
     def _loop(self, node: tree.Loop) -> Static:
         whole = self._operand(node.of)
         if isinstance(whole.static, Value):
-            self._error(node.start, f"{whole}, and `{node.kind}` takes a list")
+            more = not_single(whole.static, whole.text)
+            self._error(node.start, f"{whole}, and `{node.kind}` takes a list{more}")
         each = TEXT if isinstance(whole.static, Record) else element(whole.static)
         self._variables.append((node.variable, each, self._is_read(node.of)))
         if node.when is not None:

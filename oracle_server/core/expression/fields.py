@@ -97,7 +97,7 @@ def element(of: Run, index: Run) -> Run:
             if at in whole:
                 return whole[at]
             raise Absent
-        raise unfit("an index takes a list and a whole number", whole, at)
+        raise _no_element(whole, at)
 
     return run
 
@@ -112,7 +112,7 @@ def has_element(of: Run, index: Run) -> Run:
         if type(whole) is dict and type(at) is str:
             charge(frame, len(at) >> 6)
             return at in whole
-        raise unfit("an index takes a list and a whole number", whole, at)
+        raise _no_element(whole, at)
 
     return run
 
@@ -130,3 +130,11 @@ def _otherwise(whole: Any, name: str) -> Any:
 
 def _without(whole: Any) -> Stopped:
     return Absent() if whole is None or isinstance(whole, Mapping) else Failed("it has no fields", whole)
+
+
+def _no_element(whole: Any, at: Any) -> Absent | Failed:
+    """What ends the evaluation of an index that does not fit, as of bytes, which arrive as a text."""
+    why = "an index takes a list and a whole number"
+    if type(whole) is str:
+        why += "; uint8[] arrives as a text in base64, of which all is compared, as in msg.data == 'AQID'"
+    return unfit(why, whole, at)

@@ -14,6 +14,7 @@ from oracle_server.core.expression.static import (
     is_number,
     is_text,
     kind,
+    not_single,
 )
 from oracle_server.core.expression.tree import Literal, Node
 from oracle_server.core.shapes import Many, Record, Value
@@ -30,6 +31,15 @@ class Operand:
     def __str__(self) -> str:
         literal = isinstance(self.node, Literal)
         return f"`{self.text}`" if literal else f"`{self.text}` is {described(self.static)}"
+
+
+def not_inside(one: Operand, other: Operand) -> str:
+    """What is wrong with asking whether a value is in a single one."""
+    if kind(other.static) == "bytes":
+        return f"{other}, and no list{not_single(other.static, other.text)}"
+    if kind(other.static) == "text":
+        return f"{other}, and no list; write `{other.text}.contains({one.text})`"
+    return f"{other}, and `in` takes a list behind it"
 
 
 def arithmetic(mark: str, one: Operand, other: Operand) -> str | None:

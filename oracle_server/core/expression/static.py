@@ -77,6 +77,15 @@ def described(static: Static) -> str:
             return "not known"
 
 
+def not_single(static: Static, text: str) -> str:
+    """What to say behind a value that is used as a list; empty where it has nothing that looks like elements."""
+    if kind(static) == "bytes":
+        return (
+            f"; single bytes are not read: compare all of them, as in `{text} == 'AQID'`, or let a node publish numbers"
+        )
+    return "; single characters can't be read" if kind(static) == "text" else ""
+
+
 def no_field(record: Record, name: str) -> str:
     """What to say of a field that a message does not have."""
     hint = no_constant(name) or nearest(name, record.fields)

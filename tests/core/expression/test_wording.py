@@ -99,6 +99,10 @@ def test_a_slip_is_told_with_its_place_and_a_mend(text: str, place: tuple[int, i
     assert "\n" not in raised.value.message
 
 
+NO_ELEMENT = (
+    "an index takes a list and a whole number; "
+    "uint8[] arrives as a text in base64, of which all is compared, as in msg.data == 'AQID'"
+)
 MESSAGE = {"n": 7, "zero": 0, "s": "NaN", "l": [1, 2], "m": {"k": 1}, "b": True, "none": None}
 
 
@@ -115,6 +119,7 @@ MESSAGE = {"n": 7, "zero": 0, "s": "NaN", "l": [1, 2], "m": {"k": 1}, "b": True,
         ("msg.n / msg.zero", "msg.n is 7 and msg.zero is 0: division by zero"),
         ("1 + 2 * (msg.n % msg.zero)", "msg.n is 7 and msg.zero is 0: division by zero"),
         ("msg.l[5]", "msg.l is a list of 2: it has no such element"),
+        ("msg.s[0] > 3", f"msg.s is 'NaN': {NO_ELEMENT}"),
         ("msg.n.lower()", "msg.n is 7: `lower` takes a text before it"),
         ("msg.n > 3 && todo()", "todo(): it is still to be written"),
         ("unknown()", "unknown(): it is said to be unknown"),
