@@ -171,6 +171,21 @@ def test_who_publishes_past_the_monitor_is_told(tmp_path: Path) -> None:
         adapter.said("/number: recovered")
 
 
+def test_who_publishes_past_the_monitor_is_told_though_a_new_master_does_not_know_it(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, rogue = scene.adapter("gate"), scene.peer()
+        rogue.advertise(Int64, "/number", listeners=0)
+        adapter.said("/peer0 publishes /number past the monitor")
+        scene.restart_master()
+        adapter.said("registered again")
+        other = scene.peer()
+        other.advertise(Int64, "/number", listeners=0)
+        adapter.said("/peer0 publishes /number past the monitor; /peer1 publishes /number past the monitor")
+        rogue.close()
+        adapter.said("/number: /peer1 publishes /number past the monitor")
+        assert "recovered" not in adapter.log
+
+
 def test_who_publishes_past_a_monitor_that_ros_remaps_is_told(tmp_path: Path) -> None:
     with gate(tmp_path) as scene:
         adapter = scene.adapter("gate", more=["/number:=/uav1/number", "/number_mon:=/uav1/asked"])

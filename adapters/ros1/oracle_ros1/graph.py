@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from contextlib import suppress
 from functools import partial
@@ -17,6 +18,9 @@ ASK_PERIOD = 1.0
 """Seconds between two requests to the master."""
 REPLY_WITHIN = 10.0
 """Seconds that the master may take to answer a request."""
+
+NODE_WITHIN = 1.0
+"""Seconds that a node may take to answer."""
 
 Users = Dict[str, List[str]]
 """The nodes by the topics or services that they use."""
@@ -92,6 +96,8 @@ class Graph:
         self._publishers: Users = {}
         self._asked: Set[str] = set()  # nodes whose addresses are wanted
         self._addresses: Dict[str, str] = {}
+        self._given: Set[str] = set()  # topics that no other node is to publish
+        self._forgotten: Dict[str, Tuple[str, Set[str]]] = {}  # what nodes publish that a new master does not know
         self._servers: Optional[Users] = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._ask, name="oracle-graph", daemon=True)
@@ -114,6 +120,7 @@ class Graph:
         The master has names as ROS's remaps of this node make them.
         """
         topic = rospy.resolve_name(topic)
+        self._given.add(topic)
         return [f"{node} publishes {topic} past the monitor" for node in self.publishers(topic)]
 
     def publishers(self, topic: str) -> List[str]:
@@ -153,25 +160,37 @@ class Graph:
     def _look(self, master: Any) -> None:
         _, _, state = master.getSystemState()
         publishers, subscribers, servers = (dict(entries) for entries in state)
-        self._publishers, self._servers = publishers, servers
-        self.answers += 1
-        asked, self._asked = self._asked, set()
-        self._addresses = {node: str(master.lookupNode(node)[2]) for node in asked}
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
         own, subscribe = rospy.get_name(), partial(_subscribe, master)
-        self._register_again(
-            [
-                *(
-                    (master.registerPublisher, *p)
-                    for p in topics.get_publications()
-                    if own not in publishers.get(p[0], ())
-                ),
-                *((subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
-                # a service that another node serves by now stays that one's
-                *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
-            ],
-            master,
-        )
+        missing = [
+            *((master.registerPublisher, *p) for p in topics.get_publications() if own not in publishers.get(p[0], ())),
+            *((subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
+            # a service that another node serves by now stays that one's
+            *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
+        ]
+        self._forget(restarted=bool(missing))
+        for node, (_, published) in self._forgotten.items():
+            for topic in published:
+                publishers[topic] = [*publishers.get(topic, ()), node]
+        asked, self._asked = self._asked, set()
+        asked.update(node for topic in self._given for node in publishers.get(topic, ()))
+        asked -= {own, *self._forgotten}
+        self._addresses = {node: str(master.lookupNode(node)[2]) for node in asked}
+        self._publishers, self._servers = publishers, servers
+        self.answers += 1
+        self._register_again(missing, master)
+
+    def _forget(self, *, restarted: bool) -> None:
+        """Look what nodes still publish that the master knew before it was restarted: none of them says so again.
+
+        Only those are asked whose addresses were wanted.
+        """
+        if restarted:
+            for node, address in self._addresses.items():
+                topics = {topic for topic, nodes in self._publishers.items() if node in nodes}
+                self._forgotten.setdefault(node, (address, topics))
+        asked = {node: (address, _published(address, topics)) for node, (address, topics) in self._forgotten.items()}
+        self._forgotten = {node: found for node, found in asked.items() if found[1]}
 
     def _register_again(self, missing: Sequence[Tuple[Register, str, str]], master: Any) -> None:
         """Register at the master what it lacks of this node, as after its restart: rospy never does that.
@@ -186,6 +205,18 @@ class Graph:
             register(name, kind, rospy.get_node_uri())
         if missing:
             rospy.logwarn(f"the master did not know {len(missing)} topics and services of this node: registered again")
+
+
+def _published(address: str, topics: Set[str]) -> Set[str]:
+    """Which of some topics the node at an address publishes; all of them where it does not answer in time."""
+    try:
+        node: Any = ServerProxy(address, transport=TimedTransport(NODE_WITHIN))
+        _, _, found = node.getPublications(rospy.get_name())
+    except socket.timeout:
+        return topics
+    except Exception:  # noqa: BLE001 - it has ended, or another program is there
+        return set()
+    return topics & {topic for topic, _ in found}
 
 
 def _is_replaced(master: Any) -> bool:
