@@ -6,6 +6,7 @@ import { at } from "./address.js";
 import { moment, span } from "./words.js";
 
 const NEWEST = 50;
+const OPEN = 1000; // at most, so that they are counted right: a property has one
 const MOST = 20; // pages that are looked through for the next one
 const SIGNS = { "<=": "≤", ">=": "≥", "!=": "≠", "==": "=" };
 
@@ -19,7 +20,7 @@ export function episodesOf(id) {
     const { properties, revising, status } = state;
     if (!history.isDue(JSON.stringify([status, revising?.passes, properties.map((each) => [each.violations, each.outcome])]))) return found;
     const [open, newest, oldest] = await Promise.all([
-      items(of(id, "episodes"), { open: true, limit: NEWEST }),
+      items(of(id, "episodes"), { open: true, limit: OPEN }),
       items(of(id, "episodes"), { order: "desc", limit: NEWEST }),
       items(of(id, "episodes"), { limit: 1 }),
     ]);

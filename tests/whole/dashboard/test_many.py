@@ -1,0 +1,28 @@
+"""A spec with many properties that all fail, and long names: all are counted, and the page is no wider than a phone."""
+
+from __future__ import annotations
+
+from playwright.async_api import Page, expect
+
+from tests.whole.client import attached, make_event
+from tests.whole.conftest import Starts
+
+PROPERTIES = 60
+LONG = "n" * 60
+TOPIC = f"/{'/'.join([LONG] * 3)}"
+
+
+async def test_all_that_fail_are_counted_and_long_names_are_broken(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    properties = "".join(f"  - {{id: p{i}_{LONG}, formula: 'not {{{LONG} > 10}}'}}\n" for i in range(PROPERTIES))
+    spec = f"id: many\nstreams:\n  - {{topic: {TOPIC}, signals: {{{LONG}: msg.v}}}}\nproperties:\n{properties}"
+    assert server.http.put("/api/v1/specs/many", content=spec).status_code < 300
+    async with attached(server, monitor=LONG, session="s", spec="many") as monitor:
+        await monitor.send(make_event(1, TOPIC, data={"v": 11}))
+        await monitor.acked(1)
+        assert len(server.get("sessions/s/episodes", open=True, limit=1000)["items"]) == PROPERTIES
+        await page.set_viewport_size({"width": 390, "height": 844})
+        await page.goto(f"{server.url}/#/sessions/s?n=1")
+        await expect(page.locator(".facts")).to_contain_text(f"{PROPERTIES} open episodes")
+        await expect(page.locator(".verdict dt", has_text=LONG).first).to_be_attached()
+        assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
