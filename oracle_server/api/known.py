@@ -12,6 +12,7 @@ from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
+from oracle_server.sessions.summary import told
 from oracle_server.specfiles.library import UnknownSpecError
 
 
@@ -31,7 +32,7 @@ async def demand_name(connection: HTTPConnection, registry: Registry, session_id
 
 async def state_of(registry: Registry, session_id: str) -> dict[str, Any]:
     """A session's state, as of its end where it is closed. Raises 404."""
-    return await registry.state(session_id) or unknown_session(session_id)
+    return told(await registry.state(session_id) or unknown_session(session_id))
 
 
 def doubts_of(registry: Registry, session_id: str) -> Doubts | None:

@@ -18,7 +18,7 @@ from oracle_server.history.port import History
 from oracle_server.sessions.elsewhere import OtherServerError
 from oracle_server.sessions.opening import SessionExistsError, SessionNameError
 from oracle_server.sessions.registry import Registry, SessionStaysOpenError
-from oracle_server.sessions.summary import brief
+from oracle_server.sessions.summary import brief, told
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.incoming import Identifier
 from oracle_server.wire.json import encode_bytes
@@ -105,4 +105,4 @@ def router(registry: Registry, history: History) -> APIRouter:
 
 
 def _listed(states: list[dict[str, Any]], short: bool) -> bytes:
-    return encode_bytes({"items": [brief(state) for state in states] if short else states})
+    return encode_bytes({"items": [(brief if short else told)(state) for state in states]})

@@ -10,7 +10,7 @@ from fastapi.sse import KEEPALIVE_COMMENT, format_sse_event
 
 from oracle_server.history.records import Document
 from oracle_server.sessions.registry import Registry
-from oracle_server.sessions.summary import changed, summary
+from oracle_server.sessions.summary import changed, summary, told
 from oracle_server.wire.json import encode
 
 _EVERY = 0.5
@@ -22,18 +22,19 @@ _KEEPALIVE = 15.0
 
 async def summaries(registry: Registry, session_id: str) -> AsyncIterator[bytes]:
     """The state of a session, then what has changed of it, until it is closed or the server stops."""
-    told: Document = {}
+    sent: Document = {}
     spoken = 0.0
     while True:
         commits = registry.commits(session_id)
-        state = summary(await registry.state(session_id) or {"streams": [], "status": "closed"})
+        found = await registry.state(session_id)
+        state = summary(told(found) if found else {"streams": [], "status": "closed"})
         text = b""
-        if news := changed(told, state):
+        if news := changed(sent, state):
             text = format_sse_event(event="summary", data_str=encode(news))
         elif time.monotonic() - spoken > _KEEPALIVE:
             text = KEEPALIVE_COMMENT
         if text:
-            told, spoken = state, time.monotonic()
+            sent, spoken = state, time.monotonic()
             yield text
         if commits is None and not await registry.others.has(session_id):
             yield format_sse_event(event="closed", data_str="{}")

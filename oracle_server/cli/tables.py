@@ -49,13 +49,15 @@ def show_sessions(client: Client, origin: str | None = None, *, as_json: bool) -
     show(document, SESSIONS, [session_row(state) for state in document["items"]], as_json=as_json)
     if not as_json:
         for state in document["items"]:
-            _show_caveats(state, f"{state['id']}: ")
+            _show_caveats(state | {"doubts": _first_of(state.get("doubts", ()))}, f"{state['id']}: ")
 
 
 def show_closed(client: Client, session: str, *, as_json: bool) -> None:
     """Close a session, and print how it ended."""
     state = client.delete(of_session(session), _CLOSED_WITHIN)
     show({"items": [state]}, SESSIONS, [session_row(state)], as_json=as_json)
+    if not as_json:
+        _show_caveats(state)
 
 
 def warn_of_unknown(client: Client, session: str, properties: Sequence[str]) -> None:
@@ -159,14 +161,20 @@ def cell(value: object) -> str:
 
 
 def _show_caveats(state: dict[str, Any], where: str = "") -> None:
-    """Print a session's trouble, why properties are degraded at present, once an order, and what ails its streams.
+    """Print a session's trouble, why properties are degraded at present, what ails its streams, and its doubts.
 
     What an older version closed has no such keys.
     """
     told = [f"{where}{state['trouble']}"] if state.get("trouble") else []
     told += [f"{where}{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
-    told += [f"{where}{text}" for text in stream_troubles(state)]
+    told += [f"{where}{text}" for text in (*stream_troubles(state), *state.get("doubts", ()))]
     sys.stdout.writelines(f"{one_line(text)}\n" for text in dict.fromkeys(told))
+
+
+def _first_of(texts: Sequence[str]) -> list[str]:
+    """The first text, and how many more there are, for a list of many sessions."""
+    more = f" (and {len(texts) - 1} more)" if len(texts) > 1 else ""
+    return [f"{text}{more}" for text in texts[:1]]
 
 
 def session_row(state: dict[str, Any]) -> tuple[str, ...]:

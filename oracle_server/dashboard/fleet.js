@@ -40,12 +40,13 @@ function byGravity(one, other) {
   return Number(other.final) - Number(one.final) || (apart < 0n ? -1 : Number(apart > 0n));
 }
 
-function groupOf({ status, kind, live, idle, outcome, trouble, caveats }, open, latest) {
+function groupOf({ status, kind, live, idle, outcome, trouble, caveats, doubts }, open, latest) {
   if (status === "closed") return kind === "recording" ? "Recordings" : "Closed";
   if (open.length || FAILING.includes(outcome)) return "Wrong now";
   if (status === "unrestored" || trouble || (live && !["true", "currently_true"].includes(outcome))) return "Not judged";
   if (live && caveats.length) return "Degraded";
   if (latest) return "Wrong within the hour";
+  if (live && doubts.length) return "Degraded";
   return idle || !live ? "Idle" : "Fine";
 }
 

@@ -7,6 +7,7 @@ import { lasted, reasonOf, worstOf } from "./episodes.js";
 import { counted, event, moment, span } from "./words.js";
 
 const OPEN = 3; // cards of open episodes; of the others it is said how many they are
+const FEW = 3; // of what was not judged
 const BAD = ["false", "currently_false"];
 
 /** The cards of a session; `visit` is called with the episode that is chosen, and the click. */
@@ -20,15 +21,15 @@ export function nowView(id, visit) {
     const last = found.filter((each) => !each.open).sort(byEnd)[0] ?? null;
     const shown = [...open.slice(0, OPEN), last].filter(Boolean);
     await Promise.all(shown.map(learn));
-    const { properties, clock, status, live, monitors, trouble } = state;
+    const { properties, clock, status, live, monitors, trouble, doubts } = state;
     const known = shown.map((each) => records.get(key(each)) ?? null);
     const standing = properties.map(({ id: name, outcome, broken, caveats }) => [name, outcome, broken, caveats?.length > 0]);
     const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some((each) => each.trouble));
     const gone = properties.some(({ violations }) => violations > 0);
-    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, clock, status, live, gone, String(now)], () => [
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, status, live, gone, String(now)], () => [
       ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, { troubled, trouble }, last ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
+      open.length ? null : calm(standing, { troubled, trouble, doubts }, last ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
       last ? card(last, clock, now) : null,
     ]);
   }
@@ -77,13 +78,13 @@ function firstOf(record) {
 }
 
 /** What is said where no episode is open, and `rest` of those before: that all is well only where all is known to hold. */
-function calm(standing, { troubled, trouble }, rest) {
+function calm(standing, { troubled, trouble, doubts }, rest) {
   if (!standing.length) return h("p", { class: "card calm unsure", "data-state": "not judged" }, h("strong", {}, "How its properties stand is not known"));
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
   const degraded = standing.filter(([, , , is]) => is).map(([name]) => name);
   const holding = standing.length - failing.length - unknown.length;
-  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : ["hold", "good"];
+  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : ["hold", "good"];
   const few = (names) => `${names.slice(0, 3).join(", ")}${names.length > 3 ? " …" : ""}`;
   const words = [
     failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
@@ -91,6 +92,8 @@ function calm(standing, { troubled, trouble }, rest) {
     !failing.length && !unknown.length ? (holding === 1 ? "Its property holds" : `All ${holding} properties hold`) : null,
     degraded.length ? `${degraded.length} of ${standing.length} degraded: ${few(degraded)}` : null,
     troubled ? "not all streams are heard as they should be" : null,
+    ...doubts.slice(0, FEW),
+    doubts.length > FEW ? `and ${doubts.length - FEW} more that was not judged` : null,
   ];
   const known = trouble ? " as far as is known" : ""; // what keeps it from being judged stands above
   return h("p", { class: `card calm ${mood}`, "data-state": state },

@@ -180,7 +180,7 @@ def judge(task: Task, tell: Callable[[object], None]) -> None:
         tell(Failed("; ".join(_named(task, end.unusable)), rows.last()))
         return
     conclusion = end.as_data() | {"ignored": sum(recording.ignored.values())}
-    for texts in ("notes", "warnings"):
+    for texts in ("notes", "doubts", "warnings"):
         conclusion[texts] = _named(task, conclusion[texts])
     tell(Ended(_state(replay), conclusion))
 

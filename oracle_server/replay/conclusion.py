@@ -57,6 +57,7 @@ class Conclusion:
             "silent": [str(key) for key in silent(self.coverage)],
             "unjudged": [{"property": name, "reason": reason} for name, reason in self.unjudged.items()],
             "notes": [*self.unusable, *self.doubts, *self.remarks],
+            "doubts": [*self.unusable, *self.doubts],
             "warnings": list(self.warnings),
         }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.history.records import Document
 
@@ -18,7 +19,12 @@ _BRIEF = (
 
 
 _FEW = 3
-"""Caveats that a list shows of a session."""
+"""Caveats, and doubts, that a list shows of a session."""
+
+
+def told(state: Document) -> Document:
+    """A session's state as clients are told it: with its `doubts`, which those that older versions kept have too."""
+    return state | {"doubts": [*dict.fromkeys(_doubts(state))]}
 
 
 def summary(state: Document) -> Document:
@@ -55,6 +61,7 @@ def brief(state: Document) -> Document:
         "monitors": len(monitors),
         "connected": sum(bool(row["connected"]) for row in monitors),
         "caveats": [*dict.fromkeys(_caveats(state))][:_FEW],
+        "doubts": told(state)["doubts"][:_FEW],
     }
 
 
@@ -72,3 +79,31 @@ def _caveats(state: Document) -> Iterator[str]:
         for row in state["properties"]:
             yield from row["caveats"]
     yield from stream_troubles(state)
+
+
+def _doubts(state: Document) -> Iterator[str]:
+    """Why what is told of a session may be wrong for good: something was not heard, or not judged."""
+    if state.get("recording"):
+        yield from _doubts_of_recording(state)
+        return
+    counters = state["counters"]
+    if lost := counters.get("lost"):
+        places = ", ".join(dict.fromkeys(row["stream"] for row in state["streams"] if row.get("lost")))
+        yield f"{counted(lost, 'event')} {_was(lost)} lost, and not judged{places and ': '}{places}"
+    if skipped := counters.get("skipped"):
+        yield f"{counted(skipped, 'late event')} {_was(skipped)} skipped, and not judged"
+    for row in state["properties"]:
+        if row.get("unknown"):
+            yield f"{row['id']} was unknown at {counted(row['unknown'], 'step')}"
+
+
+def _doubts_of_recording(state: Document) -> Iterator[str]:
+    """The same of a judged recording, as `replay` says it; of an older version's, with what is a mere remark."""
+    if conclusion := state["recording"]["conclusion"]:
+        yield from (f"{each['property']} was not judged: {each['reason']}" for each in conclusion["unjudged"])
+        yield from conclusion.get("doubts", conclusion["notes"])
+        yield from conclusion["warnings"]
+
+
+def _was(count: int) -> str:
+    return "was" if count == 1 else "were"

@@ -1,0 +1,46 @@
+"""What was lost, or not judged, is not called good, in the list and on the page of a session."""
+
+from __future__ import annotations
+
+import json
+
+from playwright.async_api import Page, expect
+
+from tests.whole.client import attached, make_event
+from tests.whole.conftest import Starts
+from tests.whole.harness import run
+
+LOST = "5 events were lost, and not judged: /a"
+SILENT = "/b: no event in the recording"
+
+
+async def test_a_session_that_lost_events_is_degraded(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    async with attached(server, session="lost", spec="single") as monitor:
+        await monitor.send(make_event(1, data={"v": 1}), make_event(2, data={"v": 1}, lost=5))
+        await monitor.acked(2)
+        await page.goto(f"{server.url}/")
+        kinds = page.get_by_role("toolbar", name="Kinds")
+        await expect(kinds).to_contain_text("Degraded 1")
+        await expect(kinds).to_contain_text("Fine 0")
+        await expect(page.get_by_role("row", name="lost")).to_contain_text(LOST)
+        await page.goto(f"{server.url}/#/sessions/lost")
+        card = page.locator(".now .card")
+        await expect(card).to_contain_text(f"Its property holds; {LOST}")
+        await expect(card).to_have_attribute("data-state", "degraded")
+
+
+async def test_a_recording_that_lacks_a_stream_is_not_good(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    event = json.dumps(make_event(1, data={"v": 1}) | {"arrived": make_event(1)["stamp"]})
+    sent = server.http.post("/api/v1/recordings", params={"spec": "bypassed", "session": "one"}, content=event)
+    assert sent.status_code == 202, sent.text
+    await server.until(lambda: server.get(f"recordings/{sent.json()['id']}")["state"], lambda state: state == "judged")
+    assert SILENT in server.get("sessions/one")["doubts"]
+    for command in (("verdicts", "one"), ("sessions",)):
+        assert SILENT in run(*command, "--url", server.url).stdout
+    await page.goto(f"{server.url}/")
+    await expect(page.get_by_role("row", name="one")).to_contain_text(SILENT)
+    await page.goto(f"{server.url}/#/sessions/one")
+    await expect(page.locator(".now .card")).to_contain_text(SILENT)
+    await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
