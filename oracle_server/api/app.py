@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import APIRouter, FastAPI, WebSocket
 
 from oracle_server import __version__
@@ -35,6 +37,17 @@ from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 
 
+class _App(FastAPI):
+    """An app whose description says how a token is sent, so that its page can send one, too."""
+
+    def openapi(self) -> dict[str, Any]:
+        """The description."""
+        document = super().openapi()
+        document["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+        document["security"] = [{"token": []}, {}]  # none where the server has no tokens
+        return document
+
+
 def build_app(
     registry: Registry,
     library: Library,
@@ -55,12 +68,13 @@ def build_app(
     final. Each monitor may send `max_rate` events a second on average; 0 is no limit. `forwarding` is how
     the history is forwarded, if it is.
     """
-    app = FastAPI(
+    app = _App(
         title="oracle-server",
         version=__version__,
         docs_url=None,
         redoc_url=None,
         openapi_url=None,
+        servers=[{"url": "."}],  # where the description is, also behind a proxy that puts a path before it
         responses=problems.RESPONSES,
     )
     problems.install(app)
