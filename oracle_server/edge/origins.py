@@ -9,6 +9,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from oracle_server.edge.problems import refuse
 
+_PROXY = "; a proxy between must pass on the `Host` that it was asked for"
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
@@ -41,7 +42,7 @@ class Origins:
         if name not in self._hosts and name != own_address:  # DNS rebinding needs a name, not an address
             return 421, f"this server does not answer for the host '{name or ''}'"
         if origin is not None and _location(origin) != host.lower():
-            return 403, "pages of another origin may not use this server"
+            return 403, f"pages of another origin may not use this server{_PROXY}"
         return None
 
 

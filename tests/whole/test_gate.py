@@ -35,7 +35,8 @@ async def test_foreign_hosts_and_origins_are_refused(server: Server) -> None:
     for headers, status in foreign(server):
         for path in ("/healthz", "/api/v1/sessions", "/docs", "/nowhere"):
             problem(server.http.get(path, headers=headers), status)
-        problem(server.http.put("/api/v1/specs/foreign", content="id: foreign", headers=headers), status)
+        found = problem(server.http.put("/api/v1/specs/foreign", content="id: foreign", headers=headers), status)
+        assert ("a proxy between must pass on the `Host`" in found["detail"]) == (status == 403)
     problem(server.http.get("/api/v1/specs/foreign"), 404)
 
 
