@@ -1,4 +1,4 @@
-"""What ROS refuses as the adapter starts is told, and ends it with 2; a dump of the graph can be ended."""
+"""What ROS refuses as the adapter starts is told, and ends it with 2; it can be ended while it starts."""
 
 from __future__ import annotations
 
@@ -55,3 +55,27 @@ def test_a_dump_that_is_ended_says_nothing_of_what_it_has_not_seen(tmp_path: Pat
         assert dump.end(signal.SIGINT) == 2
         assert "ended before the graph was there" in dump.log
         assert "{" not in dump.log
+
+
+ENDED_AS_ROS_IS_IMPORTED = """
+import os, signal, sys
+
+class Ending:
+    def find_spec(self, name, *_):
+        if name == "rclpy":
+            os.kill(os.getpid(), signal.{name})
+
+sys.meta_path.insert(0, Ending())
+from oracle_ros2.__main__ import main
+sys.exit(main(["monitor", "--oracle", "http://127.0.0.1:1"]))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda number: number.name)
+def test_a_signal_that_comes_as_ros_is_imported_ends_it_well(number: signal.Signals, tmp_path: Path) -> None:
+    program = ENDED_AS_ROS_IS_IMPORTED.replace("{name}", number.name)
+    settings = environment(ROS_LOG_DIR=str(tmp_path), ROS_DOMAIN_ID="100", ROS_AUTOMATIC_DISCOVERY_RANGE="OFF")
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, env=settings, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert "Traceback" not in ended.stderr
