@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Bool, Int64
@@ -43,6 +45,39 @@ def test_what_a_monitor_says_of_violations_is_none_of_its_events(tmp_path: Path)
         events = eventually(lambda: scene.server.events("s", stream="/diagnostics"), lambda found: len(found) >= 2)
         assert len(events) == 2
         assert scene.server.events("s", stream="/rosout") == []
+
+
+def test_what_other_monitors_say_of_violations_is_no_event_once_the_master_has_told_of_them(tmp_path: Path) -> None:
+    guarded = "streams:\n  - {topic: /go, type: std_msgs/Bool, action: filter, intercept: publisher}"
+    spec = WELL.replace("streams:", guarded) + "  - {id: gone, formula: 'not {topic: /go, data: true}', guards: [/go]}"
+    with Scene(tmp_path, spec_folder(tmp_path, spec)) as scene:
+        scene.adapter("well", "one", "uav1")
+        scene.adapter("well", "two", "uav2")
+        peer = scene.peer()
+        peer.record(DiagnosticArray, "/diagnostics", speakers=2)
+        peer.advertise(DiagnosticArray, "/diagnostics", listeners=3)
+        peer.advertise(Bool, "/go", listeners=0)
+
+        def heard(session: str) -> tuple[int, int]:
+            return tuple(len(scene.server.events(session, stream=stream)) for stream in ("/diagnostics", "/rosout"))
+
+        def is_told(state: Any) -> bool:
+            return any("past the monitor" in s["bypass"] for m in state["monitors"] for s in m["streams"])
+
+        for session in ("one", "two"):  # the master was asked since all are there
+            eventually(partial(scene.server.session, session), is_told)
+        before = {session: heard(session) for session in ("one", "two")}
+        peer.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="motor")]))
+        shown = len(peer.heard("/diagnostics"))
+
+        def said() -> set[str]:
+            return {s.name for array in peer.heard("/diagnostics")[shown:] for s in array.status if s.level == 1}
+
+        peer.until(lambda: {"uav1: all_well", "uav2: all_well"} <= said(), lambda: "nothing is violated")
+        peer.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="pump")]))
+        for session, (arrays, lines) in before.items():
+            eventually(partial(heard, session), lambda found, least=arrays + 2: found[0] >= least)
+            assert heard(session) == (arrays + 2, lines)
 
 
 NAMELESS = """

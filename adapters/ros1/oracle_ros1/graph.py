@@ -12,6 +12,7 @@ from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
 import rospy
+from oracle_adapter.interfaces import ERRORS
 from rospy.impl import paramserver, registration
 
 ASK_PERIOD = 1.0
@@ -131,6 +132,10 @@ class Graph:
         """Where the master has a node; empty until it is asked next, for what is still wanted then."""
         self._asked.add(node)
         return self._addresses.get(node, "")
+
+    def monitors(self) -> List[str]:
+        """The nodes that were monitors when the master was last asked."""
+        return [node for topic, nodes in self._publishers.items() if topic.endswith(f"/{ERRORS}") for node in nodes]
 
     def published(self) -> List[str]:
         """The topics that other nodes than this one published when the master was last asked."""

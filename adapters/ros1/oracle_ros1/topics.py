@@ -23,7 +23,7 @@ DEPTH = 1000  # messages that wait for a slow subscriber
 
 
 class LoggedTopic:
-    """Reports every message of a topic, but for the monitor's own on `OWN`."""
+    """Reports every message of a topic, but for those of monitors on `OWN`."""
 
     bypass = ""
 
@@ -31,7 +31,7 @@ class LoggedTopic:
         self._link, self._observed = shared.link, Observed(topic.first, shared.now)
         self.streams = [self._observed]
         self._graph, name = shared.graph, rospy.resolve_name(shared.names[topic.name])
-        self._unheard = rospy.get_name() if name in OWN else None
+        self._has_monitors = name in OWN
         self._silence, self._missing = Unpublished(name), Unheard(shared.graph)
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
@@ -57,7 +57,7 @@ class LoggedTopic:
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
         source = header.get("callerid")
-        if self._unheard is not None and source == self._unheard:
+        if self._has_monitors and (source == rospy.get_name() or source in self._graph.monitors()):
             return
         decoder = self._observed.decoder(header)
         if isinstance(decoder, str):

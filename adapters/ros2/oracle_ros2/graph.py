@@ -6,10 +6,15 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Callable
 
+from oracle_adapter.interfaces import ERRORS
 from rclpy.executors import SingleThreadedExecutor
+
+from oracle_ros2.endpoints import full_name
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+    from oracle_ros2.endpoints import MatchedSubscription
 
 SETTLED = 4.0  # seconds without a change after which discovery is taken to be complete
 DISCOVERY_LIMIT = 20.0
@@ -60,6 +65,31 @@ def past_proxy(node: Node, service: str, proxy: str) -> str:
     troubles = [f"{other} can call {service} past the monitor" for other in callers]
     troubles += [f"{other} serves {proxy} beside the monitor" for other in servers]
     return "; ".join(troubles)
+
+
+class Monitors:
+    """Which nodes are monitors, this one among them: what they say of violations is no event of the robot's."""
+
+    def __init__(self, node: Node, heard: MatchedSubscription) -> None:
+        """`heard`: where they may say something."""
+        self._node, self._heard = node, heard
+        self._names: frozenset[str] = frozenset()
+        self._known: set[str] = set()
+
+    def look(self) -> None:
+        """Look for them again; to be called from time to time."""
+        topics = (name for name, _ in self._node.get_topic_names_and_types() if name.endswith(f"/{ERRORS}"))
+        ask = self._node.get_publishers_info_by_topic
+        self._names = frozenset(full_name(info) for topic in topics for info in ask(topic))
+        self._known = {source for source in self._known if self._heard.publisher(source) is not None}
+
+    def have(self, source: str) -> bool:
+        """Whether a source of what is heard is theirs; never where sources are not told, as before Kilted."""
+        if source and source not in self._known:  # it may have come since the last look
+            self._heard.look_around()
+            self._known.add(source)
+            self.look()
+        return self._heard.publisher(source) in self._names
 
 
 def doubled(node: Node) -> list[str]:

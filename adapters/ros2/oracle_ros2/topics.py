@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
+from oracle_ros2.graph import Monitors
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
@@ -106,7 +107,7 @@ class Observed:
 
 
 class LoggedTopic:
-    """Reports every message of a topic, but for the monitor's own on `OWN`."""
+    """Reports every message of a topic, but for those of monitors on `OWN`."""
 
     bypass = ""
 
@@ -115,8 +116,8 @@ class LoggedTopic:
         self.observed = Observed(shared.node, topic.first)
         self.streams = [self.observed]
         name = shared.node.resolve_topic_name(shared.names[topic.name])
-        self._unheard = shared.node.get_fully_qualified_name() if name in OWN else ""
         self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
+        self._monitors = Monitors(shared.node, self.subscription) if name in OWN else None
         self.observed.is_foreign = self.subscription.is_foreign
 
     @property
@@ -135,6 +136,8 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
+        if self._monitors is not None:
+            self._monitors.look()
         troubles = (self.subscription.look(), self.observed.misplaced, self.observed.lacking, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
@@ -143,7 +146,7 @@ class LoggedTopic:
         self.subscription.stop()
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
-        if self._unheard and self.subscription.publisher(source_of(info)) == self._unheard:
+        if self._monitors is not None and self._monitors.have(source_of(info)):
             return
         event = self.observed.event(message, info)
         if event is not None:
