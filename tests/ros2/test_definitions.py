@@ -1,14 +1,17 @@
 """Nodes that have another definition of a type, as of another version of its package.
 
-The graph is told so here: there are no two definitions of one type in an environment.
+The graph is told so here: there are no two definitions of one type in an environment. And those that call a service by
+another type.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
 from tests.ros2.test_qos import pytestmark, scene
 
@@ -18,8 +21,18 @@ republished = pytest.importorskip("oracle_ros2.republished")
 topics = pytest.importorskip("oracle_ros2.topics")
 type_hash = pytest.importorskip("rclpy.type_hash")
 msg = pytest.importorskip("std_msgs.msg")
+srv = pytest.importorskip("std_srvs.srv")
+calltypes = pytest.importorskip("oracle_ros2.calltypes")
 
 STREAM = {"name": "/n", "kind": "topic", "type": "std_msgs/msg/Int64", "stamp": None, "latency": 0, "fields": ["data"]}
+
+LED = """
+id: led
+streams:
+  - {service: /led, type: std_srvs/srv/Trigger}
+properties:
+  - {id: works, formula: '{kind: response} -> {success: true}'}
+"""
 
 
 def define_otherwise(monitor: Peer, name: str) -> None:
@@ -27,8 +40,8 @@ def define_otherwise(monitor: Peer, name: str) -> None:
     for ask in ("get_publishers_info_by_topic", "get_subscriptions_info_by_topic"):
         original = getattr(monitor.node, ask)
 
-        def told(topic: str, asked: Any = original) -> Any:
-            found = asked(topic)
+        def told(topic: str, asked: Any = original, **how: Any) -> Any:
+            found = asked(topic, **how)
             for info in found:
                 if info.node_name == name:
                     info.topic_type_hash = type_hash.TypeHash(version=1, value=bytes(32))
@@ -108,3 +121,42 @@ def test_who_can_t_read_what_is_forwarded_is_told(scene: Scene) -> None:
     text = "/other can't receive /n: it has another definition of std_msgs/msg/Int64 than is installed here"
     eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
     forwarded.stop()
+
+
+def proxied(monitor: Peer) -> Any:
+    """The types of a service that a monitor serves and calls."""
+    monitor.made.append(monitor.node.create_service(srv.Trigger, "/led_mon", lambda _, response: response))
+    monitor.made.append(monitor.node.create_client(srv.Trigger, "/led"))
+    return calltypes.CallTypes(monitor.node, "/led", "/led_mon")
+
+
+def test_who_calls_and_serves_by_another_definition_is_told(scene: Scene) -> None:
+    monitor, other, panel = scene.peer("monitor"), scene.peer("other"), scene.peer("panel")
+    define_otherwise(monitor, "other")
+    types = proxied(monitor)
+    for node in (other, panel):
+        node.made.append(node.node.create_service(srv.Trigger, "/led", lambda _, response: response))
+        node.made.append(node.node.create_client(srv.Trigger, "/led_mon"))
+    how = "by another definition of std_srvs/srv/Trigger than is installed here"
+    told = [f"/other calls /led_mon {how}: it gets no answer", f"/other serves /led {how}: no call reaches it"]
+    eventually(lambda: list(types.troubles()), lambda found: found == told)
+
+
+def test_who_calls_and_serves_by_another_type_is_told(scene: Scene) -> None:
+    monitor, other, panel = scene.peer("monitor"), scene.peer("other"), scene.peer("panel")
+    types = proxied(monitor)
+    panel.made.append(panel.node.create_service(srv.Trigger, "/led", lambda _, response: response))
+    other.made.append(other.node.create_client(srv.SetBool, "/led_mon"))
+    other.made.append(other.node.create_service(srv.SetBool, "/led", lambda _, response: response))
+    how = "as std_srvs/srv/SetBool, not as std_srvs/srv/Trigger"
+    told = [f"/other calls /led_mon {how}: it gets no answer", f"/other serves /led {how}: no call reaches it"]
+    eventually(lambda: list(types.troubles()), lambda found: found == told)
+
+
+def test_a_client_of_another_type_is_a_trouble_of_the_proxy(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, LED)) as scene:
+        adapter, peer = scene.adapter("led"), scene.peer()
+        peer.made.append(peer.node.create_client(srv.SetBool, "/led_mon"))
+        adapter.said(
+            "/led: /peer calls /led_mon as std_srvs/srv/SetBool, not as std_srvs/srv/Trigger: it gets no answer"
+        )

@@ -114,7 +114,8 @@ class ProxiedAction:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        found = [*self._feedback.look(), *self._status.look()]
+        relays = self._sending, self._cancelling, self._results
+        found = [*self._feedback.look(), *self._status.look(), *(text for relay in relays for text in relay.look())]
         self._abort(self._orphaned())
         past = past_proxy(self._node, self._served, self._proxy), self._feedback.bypass, self._status.bypass
         self.bypass = "; ".join(text for text in past if text)

@@ -6,11 +6,12 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable
+from typing import TYPE_CHECKING, Any, Callable, Iterator
 
 from oracle_adapter.calls import call_numbers
 from rclpy.qos import QoSProfile
 
+from oracle_ros2.calltypes import CallTypes
 from oracle_ros2.graph import servers
 from oracle_ros2.loop import Later
 
@@ -64,6 +65,7 @@ class Relay:
         self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
         self._service = node.create_service(service_type, proxy, Later(self._serve), qos_profile=CALLS)
+        self._types = CallTypes(node, self._served, node.resolve_service_name(proxy))
 
     @property
     def is_there(self) -> bool:
@@ -124,6 +126,10 @@ class Relay:
         self._away = since = self._away or now
         # those that came while it was away have their time too
         return [call for call in self.unanswered if call.allowed and now - max(call.allowed, since) > self._patience]
+
+    def look(self) -> Iterator[str]:
+        """Look at the other nodes again, and return whose calls and answers do not come."""
+        return self._types.troubles()
 
     def destroy(self) -> None:
         """Serve no more."""

@@ -56,9 +56,9 @@ class ProxiedService:
         self._relay.destroy()
 
     def look(self) -> str:
-        """Who can call the service without the proxy, or serves in its place, and what its type lacks; else empty."""
+        """Look at the other nodes again, and return what is wrong."""
         self.bypass = past_proxy(self._node, self._served, self._proxy)
-        troubles = (self.bypass, self._request.lacking, self._response.lacking)
+        troubles = (self.bypass, *self._relay.look(), self._request.lacking, self._response.lacking)
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def catch_up(self) -> None:
