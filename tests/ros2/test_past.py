@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
 
 graph = pytest.importorskip("oracle_ros2.graph")
@@ -95,3 +96,33 @@ def test_who_calls_past_the_monitor_is_told_where_ros_has_moved_the_service(scen
     text = "/pilot can call /base/led past the monitor; /pilot serves /base/led_mon beside the monitor"
     eventually(lambda: graph.past_proxy(node, "/led", "/led_mon"), lambda trouble: trouble == text)
     node.destroy_node()
+
+
+GUARDED = """
+id: guarded
+streams:
+  - {topic: /cmd, type: std_msgs/msg/Int64, action: filter, intercept: INTERCEPT}
+properties:
+  - {id: small, formula: 'not {topic: /cmd, data: 13}', guards: [/cmd]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("intercept", "heard", "given"),
+    [("subscriber", "/cmd", "/cmd_mon"), ("publisher", "/cmd_mon", "/cmd")],
+    ids=["subscriber", "publisher"],
+)
+def test_who_hears_past_the_monitor_is_told_where_nobody_hears_what_passes(
+    tmp_path: Path, intercept: str, heard: str, given: str
+) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, GUARDED.replace("INTERCEPT", intercept))) as scene:
+        adapter, base, pilot = scene.adapter("guarded"), scene.peer("base"), scene.peer("pilot")
+        base.record(msg.Int64, heard)
+        pilot.publisher(msg.Int64, heard, listeners=2)
+        text = f"nobody hears {given}, and past the monitor hears {heard}: /base"
+        adapter.said(f"/cmd: {text}")
+        eventually(
+            lambda: [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]], [text].__eq__
+        )
+        base.record(msg.Int64, given)
+        adapter.said("/cmd: recovered")

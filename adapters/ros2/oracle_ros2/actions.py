@@ -38,7 +38,7 @@ accepted before this adapter began, and go on."""
 class ProxiedAction:
     """Serves `proxy` as an action, and passes on to the action itself what may pass."""
 
-    unpublished = ""
+    doubt = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Serve at once. Raises `CodecError`."""

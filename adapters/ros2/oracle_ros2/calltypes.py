@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Iterator
 
-from oracle_ros2.endpoints import definition_of, full_name
+from oracle_ros2.endpoints import definition_of, full_name, is_named
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-UNNAMED = "_NODE_NAME_UNKNOWN_"
-"""What stands for a node whose endpoint is discovered before it is."""
 _ENDINGS = ("_Request_", "_Response_")
 
 
@@ -40,7 +38,7 @@ class CallTypes:
 
     def _unlike(self, topic: str, here: Any, there: Any) -> dict[str, str]:
         """The nodes that have another type at the other end of a topic, and how they have it."""
-        others = there(topic, no_mangle=True)
+        others = [info for info in there(topic, no_mangle=True) if is_named(info)]
         if others and topic not in self._own:
             mine = self._node.get_fully_qualified_name()
             own = {
@@ -54,8 +52,6 @@ class CallTypes:
         found = {}
         for other in others:
             told = definition_of(other)
-            if UNNAMED in full_name(other):  # the next look will know whose it is
-                continue
             if other.topic_type != kind:
                 found[full_name(other)] = f"as {_plain(other.topic_type)}, not as {_plain(kind)}"
             elif None not in (told, definition) and told != definition:

@@ -197,3 +197,8 @@ def definition_of(info: Any) -> bytes | None:
 def full_name(info: Any) -> str:
     """The name of an endpoint's node."""
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def is_named(info: Any) -> bool:
+    """Whether an endpoint's node is known by now: it may be discovered after the endpoint."""
+    return "_NODE_NAME_UNKNOWN_" not in str(info.node_name)

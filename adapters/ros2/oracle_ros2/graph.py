@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable
 from oracle_adapter.interfaces import ERRORS
 from rclpy.executors import SingleThreadedExecutor
 
-from oracle_ros2.endpoints import full_name
+from oracle_ros2.endpoints import full_name, is_named
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -65,6 +65,18 @@ def past_proxy(node: Node, service: str, proxy: str) -> str:
     troubles = [f"{other} can call {service} past the monitor" for other in callers]
     troubles += [f"{other} serves {proxy} beside the monitor" for other in servers]
     return "; ".join(troubles)
+
+
+def unguarded(node: Node, heard: str, given: str) -> str:
+    """Who hears what `node` hears, where nobody hears what passes: as where a remap is missing; else empty."""
+    ask = node.get_subscriptions_info_by_topic
+    if ask(given):
+        return ""
+    others = sorted({full_name(info) for info in ask(heard) if is_named(info)} - {node.get_fully_qualified_name()})
+    if not others:
+        return ""
+    heard, given = node.resolve_topic_name(heard), node.resolve_topic_name(given)
+    return f"nobody hears {given}, and past the monitor hears {heard}: {', '.join(others)}"
 
 
 class Monitors:

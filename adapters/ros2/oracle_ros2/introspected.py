@@ -115,7 +115,7 @@ class ServiceEvents:
 class IntrospectedAction:
     """Reports what an action's server tells of itself."""
 
-    bypass = unpublished = ""
+    bypass = doubt = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Raises `CodecError`."""

@@ -85,8 +85,8 @@ class Monitor:
         self._tell_clock()
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
-            self._board.trouble(first.name, trouble, part.unpublished)
-            trouble = "; ".join(filter(None, (trouble, part.unpublished)))
+            self._board.trouble(first.name, trouble, part.doubt)
+            trouble = "; ".join(filter(None, (trouble, part.doubt)))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
 
     def _tell_clock(self) -> None:

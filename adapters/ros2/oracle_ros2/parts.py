@@ -45,8 +45,8 @@ class Part(Protocol):
         """What lets events past the monitor, as of the last look; empty where nothing does."""
 
     @property
-    def unpublished(self) -> str:
-        """That nobody publishes a topic, as of the last look; empty for services and actions."""
+    def doubt(self) -> str:
+        """What may be wrong with a topic, as of the last look; empty for services and actions."""
 
     @property
     def received(self) -> int:

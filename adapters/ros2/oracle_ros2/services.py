@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class ProxiedService:
     """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
 
-    unpublished = ""
+    doubt = ""
     received = 0
     """Calls do not show whether the middleware delivers: they are too rare."""
 

@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
-from oracle_ros2.graph import Monitors
+from oracle_ros2.graph import Monitors, unguarded
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
@@ -126,7 +126,7 @@ class LoggedTopic:
         return self.observed.count
 
     @property
-    def unpublished(self) -> str:
+    def doubt(self) -> str:
         """That nobody publishes it, as of the last look; a publisher that came and went between two looks counts."""
         return "" if self.observed.count else self.subscription.unpublished.text
 
@@ -166,6 +166,7 @@ class FilteredTopic:
         self.streams = [self.observed]
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
+        self._node, self._heard, self._given, self._unguarded = node, source, target, ""
         self._publisher = MatchedPublisher(node, self.observed.type, target)
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self._queue = ForwardQueue(passing, lambda said: self._publisher.publish(*said))
@@ -178,9 +179,12 @@ class FilteredTopic:
         return self.observed.count
 
     @property
-    def unpublished(self) -> str:
-        """That nobody publishes it, as of the last look; a publisher that came and went between two looks counts."""
-        return "" if self.observed.count else self.subscription.unpublished.text
+    def doubt(self) -> str:
+        """That nobody publishes it, or hears what passes, as of the last look.
+
+        A publisher that came and went between two looks counts.
+        """
+        return self._unguarded or ("" if self.observed.count else self.subscription.unpublished.text)
 
     @property
     def bypass(self) -> str:
@@ -195,6 +199,7 @@ class FilteredTopic:
         """Look at the other nodes again, and return what is wrong."""
         heard = self.subscription
         found = heard.look(), self._publisher.look(heard.offered, heard.sources)
+        self._unguarded = unguarded(self._node, self._heard, self._given)
         troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
