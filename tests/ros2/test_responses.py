@@ -51,3 +51,62 @@ def test_a_response_is_sent_again_until_its_client_is_discovered() -> None:
     )
     assert ended.stdout.split() == ["here", "4"], ended.stderr
     assert "failed to send" not in ended.stderr
+
+
+ODD = """
+    import threading
+    import rclpy
+    from oracle_ros2.loop import Later, Loop
+    from std_srvs.srv import SetBool
+
+    # as a text in UTF-16 that ends in half a character: it is taken, and rclpy can't make a message of it
+    type(SetBool.SIDE).__import_type_support__()
+    known = {name: getattr(type(SetBool.SIDE), name) for name in dir(type(SetBool.SIDE)) if name.isupper()}
+    del known["_CONVERT_TO_PY"]
+    Odd = type("Odd", (type,), known)("Odd", (), {})
+
+    class OddAtFirst:
+        Request, Response = SetBool.Request, SetBool.Response
+
+    OddAtFirst.SIDE = Odd
+    rclpy.init()
+    node, other = rclpy.create_node("late"), rclpy.create_node("other")
+    if "SIDE" == "Request":
+        served = node.create_service(SetBool, "/odd", Later(lambda _, reply: reply(SetBool.Response(message="here"))))
+        served.srv_type = OddAtFirst
+        client, odd = other.create_client(SetBool, "/odd"), served
+    else:
+        other.create_service(SetBool, "/odd", lambda _, answer: SetBool.Response(message="here"))
+        client = odd = node.create_client(SetBool, "/odd")
+        client.srv_type = OddAtFirst
+    answers = []
+    loop = Loop(node)
+    clock = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
+    node.create_timer(0.01, lambda: None, clock=clock)
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(other)
+    while not client.service_is_ready():
+        executor.spin_once(timeout_sec=0.01)
+    for _ in range(2):
+        answers.append(client.call_async(SetBool.Request(data=True)))
+        if len(answers) == 1:
+            for _ in range(100):
+                loop.turn()
+                executor.spin_once(timeout_sec=0.01)
+            odd.srv_type = SetBool
+            loop = Loop(node)
+    while not answers[1].done():
+        loop.turn()
+        executor.spin_once(timeout_sec=0.01)
+    print(answers[0].done(), answers[1].result().message)
+"""
+
+
+@pytest.mark.parametrize(("side", "which"), [("Request", "a request"), ("Response", "a response")])
+def test_a_call_that_can_not_be_read_is_told_and_ends_nothing(side: str, which: str) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(ODD.replace("SIDE", side))],
+        capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert ended.stdout.split() == ["False", "here"], ended.stderr
+    assert f"{which} of /odd can't be read" in ended.stderr

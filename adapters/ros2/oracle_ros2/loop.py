@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
+from rclpy.logging import get_logger
 from rclpy.subscription import Subscription
 
 from oracle_ros2.responses import send
@@ -124,8 +125,12 @@ def _client(client: Any) -> Callable[[], None]:
     handle, response_type = client.handle, client.srv_type.Response
 
     def take() -> None:
-        with handle:
-            header, response = handle.take_response(response_type)
+        try:
+            with handle:
+                header, response = handle.take_response(response_type)
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            _tell(f"a response of {client.srv_name} can't be read, and its caller gets none: {error}")
+            return
         if header is None:
             return
         try:
@@ -141,8 +146,12 @@ def _service(service: Any) -> Callable[[], None]:
     handle, kind, callback = service.handle, service.srv_type, service.callback
 
     def take() -> None:
-        with handle:
-            request, header = handle.service_take_request(kind.Request)
+        try:
+            with handle:
+                request, header = handle.service_take_request(kind.Request)
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            _tell(f"a request of {service.srv_name} can't be read, and gets no answer: {error}")
+            return
         if header is None:
             return
 
@@ -155,6 +164,10 @@ def _service(service: Any) -> Callable[[], None]:
             reply(callback(request, kind.Response()))
 
     return take
+
+
+def _tell(text: str) -> None:
+    get_logger("oracle").error(text)
 
 
 _TAKES: dict[str, Callable[[Any], Callable[[], None]]] = {
