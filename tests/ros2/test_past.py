@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
 
+endpoints = pytest.importorskip("oracle_ros2.endpoints")
 graph = pytest.importorskip("oracle_ros2.graph")
 republished = pytest.importorskip("oracle_ros2.republished")
 rclpy = pytest.importorskip("rclpy")
@@ -126,3 +128,41 @@ def test_who_hears_past_the_monitor_is_told_where_nobody_hears_what_passes(
         )
         base.record(msg.Int64, given)
         adapter.said("/cmd: recovered")
+
+
+def test_an_endpoint_that_is_no_node_s_is_told_as_what_it_is() -> None:
+    """As those of PX4, which come by an agent that speaks DDS alone."""
+    node = SimpleNamespace(node_namespace="/base", node_name="arm")
+    bare = SimpleNamespace(node_namespace="_CREATED_BY_BARE_DDS_APP_", node_name="_CREATED_BY_BARE_DDS_APP_")
+    early = SimpleNamespace(node_namespace="_NODE_NAMESPACE_UNKNOWN_", node_name="_NODE_NAME_UNKNOWN_")
+    told = ["/base/arm", "a program on DDS that is no ROS node", "a node of unknown name"]
+    assert [endpoints.full_name(info) for info in (node, bare, early)] == told
+
+
+def test_what_a_monitor_without_a_name_hides_is_nobody_else_s(scene: Scene) -> None:
+    """A node that is a monitor, and not known by name yet, makes no monitors of all that have none."""
+    robot, pilot = scene.peer("robot"), scene.peer("pilot")
+    nodes = {"/pilot": pilot, "/uav2": scene.peer("uav2")}
+    monitors = graph.Monitors(robot.node, endpoints.MatchedSubscription(robot.node, msg.String, "/said", lambda *_: 0))
+    heard = monitors._heard
+    for peer in nodes.values():
+        peer.node.create_publisher(msg.String, "/said", 10)
+    nodes["/uav2"].node.create_publisher(msg.String, "/uav2/monitor_error", 10)
+
+    def theirs() -> set[Any]:
+        heard.look_around()
+        monitors.look()
+        return {heard.publisher(source) for source in heard.sources if monitors.have(source)}
+
+    eventually(theirs, {"/uav2"}.__eq__)
+    ask = robot.node.get_publishers_info_by_topic
+
+    def unnamed(topic: str) -> Any:
+        found = ask(topic)
+        for info in found:
+            info.node_name = "_NODE_NAME_UNKNOWN_"
+        return found
+
+    robot.node.get_publishers_info_by_topic = unnamed
+    assert theirs() == set()
+    heard.stop()

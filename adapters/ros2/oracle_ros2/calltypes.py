@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Iterator
 
-from oracle_ros2.endpoints import definition_of, full_name, is_named
+from oracle_ros2.endpoints import definition_of, full_name
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -38,7 +38,7 @@ class CallTypes:
 
     def _unlike(self, topic: str, here: Any, there: Any) -> dict[str, str]:
         """The nodes that have another type at the other end of a topic, and how they have it."""
-        others = [info for info in there(topic, no_mangle=True) if is_named(info)]
+        others = there(topic, no_mangle=True)
         if others and topic not in self._own:
             mine = self._node.get_fully_qualified_name()
             own = {

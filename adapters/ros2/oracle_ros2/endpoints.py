@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 # What does not match is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
+_UNNAMED = {
+    "_NODE_NAME_UNKNOWN_": "a node of unknown name",  # for a moment, where its endpoint is discovered before it is
+    "_CREATED_BY_BARE_DDS_APP_": "a program on DDS that is no ROS node",
+}
+
 Take = Callable[[bytes, Mapping[str, Any]], None]
 
 MATCHING = 0.4
@@ -195,10 +200,10 @@ def definition_of(info: Any) -> bytes | None:
 
 
 def full_name(info: Any) -> str:
-    """The name of an endpoint's node."""
-    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+    """The name of an endpoint's node, or what stands for it where it has none."""
+    return _UNNAMED.get(info.node_name) or f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 def is_named(info: Any) -> bool:
-    """Whether an endpoint's node is known by now: it may be discovered after the endpoint."""
-    return "_NODE_NAME_UNKNOWN_" not in str(info.node_name)
+    """Whether an endpoint is that of a node whose name is known."""
+    return info.node_name not in _UNNAMED

@@ -72,7 +72,7 @@ def unguarded(node: Node, heard: str, given: str) -> str:
     ask = node.get_subscriptions_info_by_topic
     if ask(given):
         return ""
-    others = sorted({full_name(info) for info in ask(heard) if is_named(info)} - {node.get_fully_qualified_name()})
+    others = sorted({full_name(info) for info in ask(heard)} - {node.get_fully_qualified_name()})
     if not others:
         return ""
     heard, given = node.resolve_topic_name(heard), node.resolve_topic_name(given)
@@ -92,7 +92,7 @@ class Monitors:
         """Look for them again; to be called from time to time."""
         topics = (name for name, _ in self._node.get_topic_names_and_types() if name.endswith(f"/{ERRORS}"))
         ask = self._node.get_publishers_info_by_topic
-        self._names = frozenset(full_name(info) for topic in topics for info in ask(topic))
+        self._names = frozenset(full_name(info) for topic in topics for info in ask(topic) if is_named(info))
         self._known = {source for source in self._known if self._heard.publisher(source) is not None}
 
     def have(self, source: str) -> bool:
