@@ -47,7 +47,7 @@ class _Frontier:
     """What is known of one stream of one monitor: its clock and the newest stamp of each of its publishers.
 
     `least` is a heap with an entry for each publisher, whose stamp is its newest one or an older one: only the first
-    entry has to be true.
+    entry has to be true, and `observe` leaves it so where there are several.
     """
 
     clock: int | None = None
@@ -69,7 +69,6 @@ class _Frontier:
 
     def forget(self) -> None:
         """Wait no more for the publisher that is furthest behind; it is a new one where it speaks again."""
-        self._first()
         del self.publishers[heapq.heappop(self.least)[1]]
         self.forgotten += 1
 
@@ -81,7 +80,7 @@ class _Frontier:
 
     def is_told(self, stamp: int) -> bool:
         """Where nothing older than a stamp will come: whether a clock alone tells so, and not what came."""
-        return self.clock is not None and self.clock >= stamp and (not self.publishers or self._first() < stamp)
+        return not self.publishers or self._first() < stamp
 
     def _first(self) -> int:
         """The least of the newest stamps."""
@@ -159,7 +158,7 @@ class ReorderBuffer(Generic[T]):
     @property
     def ahead(self) -> frozenset[str]:
         """The monitors for none of whose streams the order waits: all are beyond the least frontier."""
-        behind = {m for (m, _), reached in self.frontiers.items() if reached is None or reached == self._limit}
+        behind = {m for (m, _), reached in self.frontiers.items() if reached == self._limit}
         return frozenset(monitor for monitor, _ in self._frontiers) - behind
 
     @property
@@ -188,7 +187,6 @@ class ReorderBuffer(Generic[T]):
         opened = frontier is not None
         if frontier is None:
             frontier = self._frontiers[source] = _Frontier()
-            self._find_slowest()
         known = frontier.publishers.get(publisher)
         if known is None or stamp > known:
             before = frontier.reached if opened else stamp  # nothing has waited for one that was not open
@@ -206,7 +204,7 @@ class ReorderBuffer(Generic[T]):
             self._deadlines.append((now + self._max_delay, stamp, self._arrivals))
         released = self._release()
         while len(self._held) > self._capacity:
-            released.append(self._pop("capacity" if self.due is None else None))
+            released.append(self._pop("capacity"))
         return released
 
     def put_back(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:

@@ -33,6 +33,17 @@ def test_the_last_stream_of_the_last_monitor_is_told() -> None:
     assert waits(buffer.push(3, ROBOT_B, "", 50, 0)) == [(2, "clock", (ROBOT_B,))]
 
 
+def test_a_clock_is_the_reason_only_where_no_message_tells_as_much() -> None:
+    buffer = opened()
+    buffer.push(1, ROBOT_B, "", 10, 0)
+    assert buffer.push(2, ROBOT_A, "", 10, 0) == []
+    buffer.clock(ROBOT_B, 20)
+    told = [(1, "frontier", (ARM_B,)), (2, "frontier", (ARM_B,))]
+    assert waits(buffer.push(3, ARM_B, "", 10, 0)) == [*told, (3, "frontier", ())], "each has a message of that time"
+    assert buffer.push(4, ROBOT_A, "", 11, 0) == []
+    assert waits(buffer.push(5, ARM_B, "", 11, 0)) == [(4, "clock", (ARM_B,)), (5, "clock", ())]
+
+
 def test_what_is_due_as_it_comes_waited_for_nothing() -> None:
     buffer = opened()
     buffer.clock(ROBOT_B, 50)
