@@ -161,6 +161,36 @@ def test_a_cancel_passes_while_the_oracle_is_away_whatever_the_spec_says(link: L
     assert passing.settle(denied, lambda _: True, "stop", 4, "9f2c") == (False, "no_stop")
 
 
+@pytest.mark.parametrize(("policy", "passes"), [("deny", False), ("pass", True)])
+def test_a_message_without_a_decision_passes_where_the_spec_says_so(
+    link: Link, policy: str, passes: bool
+) -> None:
+    passing = Passing(
+        link, Board("uav1", Screen()), {**STREAM, "on_unavailable": policy}, Clocks(lambda: 1)
+    )
+    given: List[str] = []
+    give: Any = given.append
+    away = Answer("timeout", reason="no answer in time")
+    assert passing.settle(away, lambda what: give(what) is None, "go")[0] is passes
+    assert given == ["go"] * passes
+
+
+def test_a_decision_is_waited_for_as_long_as_the_spec_says() -> None:
+    asked: List[float] = []
+
+    class Asked:
+        def ask_then(self, *_: Any, decide_within: float, **__: Any) -> None:
+            asked.append(decide_within)
+
+        def clock(self, behind: Any) -> None:
+            pass
+
+    link: Any = Asked()
+    stream = {**STREAM, "decide_within": 250 * 10**6}
+    Passing(link, Board("uav1", Screen()), stream, Clocks(lambda: 1)).ask(None, {}, lambda _: None)
+    assert asked == [0.25], "in seconds"
+
+
 class Broken(logging.Handler):
     """A log that fails."""
 
