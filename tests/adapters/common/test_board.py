@@ -143,11 +143,13 @@ def test_an_outage_is_told_once_and_counted(screen: Screen, board: Board, clock:
     ]
     board.settle(AWAY, "deny", "a message of /a")
     assert len(screen.errors) == 2, "a new outage is told again"
+    assert screen.errors[1].startswith("denied a message of /a: no connection to the oracle; ")
     board.on_state("disconnected", "gone")
     assert len(screen.infos) == 2
     board.on_state("attached", "s1")
+    assert screen.infos[-1].endswith("0 passed and 1 denied without it"), "no decision is needed"
     board.settle(ALLOWED, "deny", "a message of /a")
-    assert screen.infos[-1].endswith("0 passed and 1 denied without it")
+    assert screen.infos[-1].endswith("0 passed and 1 denied without it"), "it is told once"
     board.tick(Stats())
     values = dict(screen.shown[-1][0].values)
     assert (values["passed without a decision"], values["denied without a decision"]) == ("3", "3")
@@ -202,6 +204,15 @@ def test_numbers_are_those_of_one_session(screen: Screen, board: Board) -> None:
     board.on_state("attached", "s2")
     board.on_revision({**REVISION, "retracted": True})
     assert screen.errors[1] == f"retracted: near is not violated (#12): {CAUSE}"
+
+
+def test_what_was_told_before_a_reconnect_is_known_after_it(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    board.on_violation({"n": 12, "property": "near", "step": 40})
+    board.on_state("disconnected", "gone")
+    board.on_state("attached", "s1")
+    board.on_revision({**REVISION, "retracted": True})
+    assert screen.errors[1] == f"retracted: near is not violated at step 40 (#12): {CAUSE}"
 
 
 def test_many_violations_are_not_remembered_for_ever(screen: Screen, board: Board) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Dict, Optional
 
 from oracle_adapter import Board, Stats
-from oracle_adapter.screen import ERROR, OK, WARN
+from oracle_adapter.screen import ERROR, OK, STALE, WARN
 from tests.adapters.common.boards import CAUSE, REVISION, Clock, Screen, statuses, told
 
 
@@ -93,6 +93,8 @@ def test_diagnostics_warn_while_an_episode_is_open_and_ten_seconds_after(
     board.on_verdicts(standing("warn", 1, is_open=True))
     clock.now = 100.0
     assert level(screen, board) == WARN
+    board.on_verdicts(standing("ok", 1, is_open=True))
+    assert level(screen, board) == WARN, "it holds for less than the gap between two episodes"
     board.on_verdicts(standing("stale", 1, is_open=True))
     assert level(screen, board) == WARN, "nothing is known of it since"
     board.on_verdicts(standing("error", 1, is_open=True))
@@ -101,10 +103,29 @@ def test_diagnostics_warn_while_an_episode_is_open_and_ten_seconds_after(
     clock.now = 105.0
     board.on_verdicts(standing("ok", 1, is_open=None))
     clock.now = 109.9
-    assert level(screen, board) == WARN
+    for worse, shown in (("error", ERROR), ("stale", STALE)):
+        board.on_verdicts(standing(worse, 1, is_open=None))
+        assert level(screen, board) == shown, "what is worse than a warning is shown as it is"
+    board.on_verdicts(standing("ok", 1, is_open=None))
+    board.on_state("disconnected", "gone")
+    board.on_state("attached", "s1")
+    assert level(screen, board) == WARN, "of the same session, whatever the link did"
     assert statuses(screen)["uav1: near"][1] == "text; it did not less than 10 s ago"
     clock.now = 110.0
     assert level(screen, board) == OK
+
+
+def test_episodes_are_those_of_one_session(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    board.on_verdicts(standing("warn", 1, is_open=True))
+    assert level(screen, board) == WARN
+    board.on_state("attached", "s2")
+    board.on_verdicts(standing("ok", 0, is_open=None))
+    assert level(screen, board) == OK
+    board.on_verdicts(standing("ok", 1, is_open=None))
+    board.on_state("attached", "s3")
+    board.on_verdicts(standing("ok", 1, is_open=False))
+    assert level(screen, board) == WARN, "its own, though it has as many violations"
 
 
 def test_an_episode_between_two_commits_is_shown_for_ten_seconds_too(
