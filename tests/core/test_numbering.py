@@ -67,6 +67,7 @@ def test_each_number_is_taken_once_and_acked_when_all_before_it_are_used_up(foun
     told = [(seq, gap, JUDGED) for seq, gap in committed + taken]
     again = Numbering(told)
     assert again.upto == numbering.upto, "it comes back from the history as it was"
+    assert again.next == again.upto + 1, "all that is not used up is to be sent again"
     half = Numbering(told[::2])
     assert Numbering(told[1::2], half.saved()).upto == numbering.upto, "or from what was saved, and what came since"
     assert Numbering(told[::2] + told[1::2], half.saved()).upto == numbering.upto, "or was there already"
@@ -84,3 +85,40 @@ def test_what_was_lost_or_refused_is_told_with_the_next_event_that_is_judged() -
     assert Numbering((), numbering.saved()).lost == 1
     numbering.commit(4, 1, 2)
     assert numbering.lost == 0
+
+
+def test_a_loss_beyond_what_is_not_used_up_is_told_by_the_very_next_event_that_is_judged() -> None:
+    numbering = Numbering()
+    for seq in (1, 2, 3, 4, 5):
+        numbering.take(seq)
+    numbering.commit(2, 0, 1)
+    assert numbering.lost == 1
+    numbering.commit(4, 0)
+    assert numbering.lost == 1, "the next one is the third"
+    numbering.commit(3, 0, 5)
+    assert numbering.lost == 0, "the fourth tells of both"
+    numbering.commit(5, 0, 2)
+    assert numbering.lost == 2
+    numbering.commit(1, 0)
+    assert numbering.upto == 5
+    assert numbering.lost == 2
+
+
+def test_a_loss_that_was_saved_is_not_told_twice() -> None:
+    numbering = Numbering()
+    for seq in (1, 2, 3):
+        numbering.take(seq)
+    refused = [(1, 0, 2), (3, 0, 5)]
+    for each in refused:
+        numbering.commit(*each)
+    assert (numbering.upto, numbering.lost) == (1, 7)
+    assert Numbering(refused, numbering.saved()).lost == 7
+
+
+def test_what_is_held_is_not_taken_again_and_not_lost() -> None:
+    numbering = Numbering()
+    assert numbering.take(1) == 0
+    assert numbering.take(4) == 2
+    numbering.hold(6)
+    assert numbering.take(8) == 2, "the fifth and the seventh"
+    assert numbering.take(6) is None
