@@ -211,6 +211,26 @@ def test_texts_are_no_numbers_of_a_formula_over_numbers() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("formula", "says"),
+    [
+        ("(speed > 2) or (n > 3)", "'p' is never judged: no step has all of `speed` and `n`; `hold` keeps the last "
+         "value"),
+        ("(speed > 2)", "'p' is unknown where a signal is missing: /on (speed), /n (speed), /mode (speed), "
+         "/pay (speed); `hold` keeps the last value"),
+        ("(amount > 2) or (user > 3)", "missing: /on (amount, user), /n (amount, user), /mode (amount, user), "
+         "/cmd (amount, user); `hold` keeps"),
+    ],
+)  # fmt: skip
+def test_a_formula_over_numbers_needs_all_of_them_at_one_step(formula: str, says: str) -> None:
+    (found,) = told(f"properties: [{{id: p, formula: '{formula}', engine: rtamt}}]\n")
+    assert says in found
+    keep = STREAMS.replace("signals: {n:", "hold: [n], signals: {n:").replace("speed}}", "speed}, hold: [speed]}")
+    keep = keep.replace("amount}}", "amount}, hold: [amount, user]}")
+    held = parse_spec(f"{keep}properties: [{{id: p, formula: '{formula}', engine: rtamt}}]\n", "s.yaml", types=TYPES)
+    assert not [each for each in held.warnings if "judged" in each.message or "missing" in each.message]
+
+
 @pytest.mark.parametrize("forget", ["2s", "3s"])
 def test_what_is_forgotten_has_not_left_its_state_in_time(forget: str) -> None:
     of = f"{{by: user, forget: {forget}, start: a, states: {{a: {{up: b}}, b: {{up: a, within: 3s}}}}}}"
