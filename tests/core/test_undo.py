@@ -278,6 +278,15 @@ def test_what_a_denied_event_left_in_held_signals_is_no_excuse() -> None:
     assert decisions(judged) == ["deny", "deny", "allow", "deny"]
 
 
+def test_what_others_hold_does_not_make_one_more_of_what_adds_nothing() -> None:
+    text = f"(historically {LIMIT}) and not {{mode: 1}}"
+    feed = Feed(session_of(prop("p", text, blame="caused", **GUARD), on_deny="keep"))
+    judged = feed(A, 1, {"v": 9}, ask=True) + feed(A, 2, {"v": 1}, ask=True)
+    feed(MODE, 3, {"mode": 1})
+    judged += feed(A, 4, {"v": 1}, ask=True) + feed(A, 5, {"v": 9}, ask=True)
+    assert decisions(judged) == ["deny", "allow", "allow", "deny"]
+
+
 def test_who_attempted_in_vain_did_not_speak_last() -> None:
     """Of two monitors that hold one signal, a tick sees what the one that spoke last holds."""
     streams = [
