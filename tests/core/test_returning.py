@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from oracle_server.core.returning import MOST, SILENT
+from oracle_server.core.returning import MOST, SILENT, Returning
 from oracle_server.core.session import Session
 from tests.core.sessions import MODE, STREAMS, A, B, Feed, open_session, prop
 from tests.core.test_ticks import native, told
@@ -102,3 +102,40 @@ def test_one_whose_events_have_no_times_is_as_far_as_they_come() -> None:
     feed(B, None, arrived=BACK + 40)
     assert session.next_deadline == BACK + 50
     assert ("tick", 111, "currently_false") in told(session.advance(BACK + 50))
+
+
+def test_all_are_awaited_and_of_those_that_are_back_the_one_that_is_least_far_counts() -> None:
+    returning = Returning()
+    for monitor in ("m", "n"):
+        returning.expect(monitor)
+    since = []
+    for now, monitor in ((10, "m"), (20, "n")):
+        returning.came(monitor, now)
+        since.append(returning.since)
+    assert since == [None, 20], "one is away still when the other comes"
+    returning.hear("m", 5, 21)
+    assert returning.told(21) == 0, "the other one has told nothing"
+    returning.hear("n", 7, 22)
+    returning.hear("m", 3, 23)
+    returning.came("m", 24)
+    assert (returning.since, returning.told(24)) == (20, 5), "neither a clock that is behind nor a reconnect undoes it"
+    returning.hear("n", None, 30)
+    assert returning.until(30) == 23 + SILENT
+    assert returning.told(23 + SILENT) == 7
+    assert returning.until(23 + SILENT) == 30 + SILENT
+    returning.left("n", 40)
+    assert (returning.told(40), returning.until(40), bool(returning)) == (None, 40, False)
+
+
+def test_one_that_tells_of_no_time_is_waited_for_once_it_does() -> None:
+    returning = Returning()
+    for monitor in ("m", "n"):
+        returning.expect(monitor)
+    for monitor in ("m", "n"):
+        returning.came(monitor, 10)
+        returning.hear(monitor, None, 11)
+    assert returning.told(11) is None
+    returning.hear("n", 9, 12)
+    assert returning.told(12) == 9
+    returning.hear("m", 4, 13)
+    assert returning.told(13) == 4
