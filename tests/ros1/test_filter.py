@@ -186,6 +186,22 @@ def test_who_publishes_past_the_monitor_is_told_though_a_new_master_does_not_kno
         assert "recovered" not in adapter.log
 
 
+@pytest.mark.parametrize("intercept", ["publisher", "subscriber"])
+def test_who_hears_past_the_monitor_is_told_where_nobody_hears_what_passes(intercept: str, tmp_path: Path) -> None:
+    with gate(tmp_path, intercept) as scene:
+        adapter, base, pilot = scene.adapter("gate"), scene.peer(), scene.peer()
+        heard, given = SIDES[intercept]
+        base.record(Int64, heard)
+        pilot.advertise(Int64, heard, listeners=2)
+        text = f"nobody hears {given}, and past the monitor hears {heard}: /peer0"
+        adapter.said(f"/number: {text}")
+        eventually(
+            lambda: [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]], [text].__eq__
+        )
+        base.record(Int64, given)
+        adapter.said("/number: recovered")
+
+
 def test_who_publishes_past_a_monitor_that_ros_remaps_is_told(tmp_path: Path) -> None:
     with gate(tmp_path) as scene:
         adapter = scene.adapter("gate", more=["/number:=/uav1/number", "/number_mon:=/uav1/asked"])

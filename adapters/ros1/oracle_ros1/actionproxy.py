@@ -33,7 +33,7 @@ UNDERWAY = 0.2
 class ProxiedAction:
     """Serves an action under the proxy's name, and is a client of its server."""
 
-    unpublished = ""
+    doubt = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Serve at once. Raises `CodecError`."""

@@ -33,7 +33,7 @@ def connected(heard: Iterable[rospy.Subscriber], hearing: List[rospy.Publisher])
 class LoggedAction:
     """Reports what passes between an action's clients and its server."""
 
-    bypass = unpublished = ""
+    bypass = doubt = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Observe at once. Raises `CodecError`."""

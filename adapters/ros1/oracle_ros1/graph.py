@@ -95,6 +95,7 @@ class Graph:
         self.answers = 0
         """How many the master has given."""
         self._publishers: Users = {}
+        self._subscribers: Users = {}
         self._asked: Set[str] = set()  # nodes whose addresses are wanted
         self._addresses: Dict[str, str] = {}
         self._given: Set[str] = set()  # topics that no other node is to publish
@@ -123,6 +124,17 @@ class Graph:
         topic = rospy.resolve_name(topic)
         self._given.add(topic)
         return [f"{node} publishes {topic} past the monitor" for node in self.publishers(topic)]
+
+    def unguarded(self, heard: str, given: str) -> str:
+        """Who hears what this node does, where nobody hears what passes: as where a remap is missing; else empty.
+
+        That is as of when the master was last asked, which may know neither.
+        """
+        heard, given = rospy.resolve_name(heard), rospy.resolve_name(given)
+        others = sorted(set(self._subscribers.get(heard, ())) - {rospy.get_name()})
+        if not others or self._subscribers.get(given):
+            return ""
+        return f"nobody hears {given}, and past the monitor hears {heard}: {', '.join(others)}"
 
     def publishers(self, topic: str) -> List[str]:
         """The nodes but this one that published a topic when the master was last asked."""
@@ -181,7 +193,7 @@ class Graph:
         asked.update(node for topic in self._given for node in publishers.get(topic, ()))
         asked -= {own, *self._forgotten}
         self._addresses = {node: str(master.lookupNode(node)[2]) for node in asked}
-        self._publishers, self._servers = publishers, servers
+        self._publishers, self._subscribers, self._servers = publishers, subscribers, servers
         self.answers += 1
         self._register_again(missing, master)
 

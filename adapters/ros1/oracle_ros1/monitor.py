@@ -87,8 +87,8 @@ class Monitor:
         """Report the streams' state."""
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
-            self._board.trouble(first.name, trouble, part.unpublished)
-            trouble = "; ".join(filter(None, (trouble, part.unpublished)))
+            self._board.trouble(first.name, trouble, part.doubt)
+            trouble = "; ".join(filter(None, (trouble, part.doubt)))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
             for stream in part.streams:
                 self._link.report(stream.name, stream.kind, time_source=stream.time_source)

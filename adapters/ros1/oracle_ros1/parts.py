@@ -47,8 +47,8 @@ class Part(Protocol):
         """What lets events past the monitor, as of the last look; empty where nothing does."""
 
     @property
-    def unpublished(self) -> str:
-        """That nobody publishes a topic, as of the last look; empty for services and actions."""
+    def doubt(self) -> str:
+        """What may be wrong with a topic, as of the last look; empty for services and actions."""
 
     def look(self) -> str:
         """What is wrong, empty for nothing; to be called from time to time."""

@@ -41,7 +41,7 @@ class ProxiedService:
     A call that is denied, or that the service fails, is an error at the client: ROS 1 has errors of services.
     """
 
-    unpublished = ""
+    doubt = ""
 
     def __init__(self, shared: Shared, service: Interface) -> None:
         """Serve at once. Raises `CodecError`."""

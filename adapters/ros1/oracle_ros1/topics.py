@@ -42,7 +42,7 @@ class LoggedTopic:
         return "; ".join([*self._observed.troubles(publishers), *self._missing.look([self._subscriber])])
 
     @property
-    def unpublished(self) -> str:
+    def doubt(self) -> str:
         """That nobody publishes it, as of the last look."""
         return self._silence.text
 
@@ -82,6 +82,7 @@ class FilteredTopic:
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
+        self._taken, self._unguarded = taken, ""
         self._silence, self._missing = Unpublished(rospy.resolve_name(taken)), Unheard(shared.graph)
         self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
         self._latches = Latches(lambda: headers(self._subscriber))
@@ -109,14 +110,15 @@ class FilteredTopic:
         troubles = [why for why in found if isinstance(why, str)]
         troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
         troubles += self._missing.look([self._subscriber])
+        self._unguarded = self._graph.unguarded(self._taken, self._given)
         past = self._graph.past(self._given)
         self.bypass = "; ".join(past)
         return "; ".join([*troubles, *past])
 
     @property
-    def unpublished(self) -> str:
-        """That nobody publishes what it takes, as of the last look."""
-        return self._silence.text
+    def doubt(self) -> str:
+        """That nobody publishes what it takes, or hears what passes, as of the last look."""
+        return self._unguarded or self._silence.text
 
     def stop(self) -> None:
         """Take and forward no more."""
