@@ -315,7 +315,7 @@ class Session(Resumable):
                 judged, done = judge.tick_until(until, self.now, _never if wholly else self._enough)
                 self._unticked |= {} if done else {order: until}
             return judged
-        while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
+        while (deadline := self._next_tick(judge)) is not None and deadline <= until:
             if not judge.decide(deadline, _never if wholly else self._enough):
                 self._unticked[order] = until
                 break
@@ -326,6 +326,10 @@ class Session(Resumable):
                 self._unticked[order] = until
                 break
         return judged
+
+    def _next_tick(self, judge: Judge) -> int | None:
+        """The next deadline to judge; while nothing can be kept only one of which a part is decided already."""
+        return judge.next_deadline if not self.suspended or judge.is_deciding else None
 
     def bypass(self, monitor: str, streams: Mapping[StreamKey, Bypass]) -> None:
         """Note which streams of a monitor are bypassed now: until that ends, what is judged by them is degraded."""

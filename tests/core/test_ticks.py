@@ -247,6 +247,20 @@ def test_while_nothing_is_judged_deadlines_wait() -> None:
     assert told(session.advance(100 + SECOND)) == [("tick", 15, "currently_false")]
 
 
+def test_what_is_decided_in_part_is_told_though_nothing_is_judged_from_then_on() -> None:
+    """Else a step that comes then, or the end, would forget what time had decided before."""
+    session = session_of(timed('forall[x]. {v: *x} -> eventually[:5ns] {topic: "/b"}'))
+    session.divide(lambda: True)
+    feed = Feed(session)
+    feed(A, 10, {"v": 1})
+    assert session.advance(100) == []
+    assert not session.can_be_saved
+    session.suspended = True
+    assert told(feed(B, 101)) == [("tick", 16, "currently_false"), ("topic", 101, "unknown")]
+    (state,) = session.judges["arrival"].properties
+    assert (state.violations, state.pending) == (1, 0)
+
+
 def test_a_tick_sees_what_is_held() -> None:
     session = session_of(timed('once[:5ns] {topic: "/a"} or {mode: 1}'))
     feed = Feed(session)
