@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import ssl
 from pathlib import Path
+from typing import Any
 
 import structlog
 
@@ -24,6 +25,16 @@ class CertificateError(OracleError):
     """Certificates that can't be used."""
 
 
+class _Context(ssl.SSLContext):
+    """Its connections are the present context's: no session of one before is resumed, for which nobody was asked."""
+
+    present: ssl.SSLContext
+
+    def wrap_bio(self, *given: Any, **named: Any) -> ssl.SSLObject:
+        """Begin a connection, with the present context."""
+        return self.present.wrap_bio(*given, **named)
+
+
 class Certificates:
     """A server's TLS context, whose handshakes are made with what its files hold by then."""
 
@@ -35,11 +46,13 @@ class Certificates:
         self._cert, self._key, self._client_ca = cert, key, client_ca
         self._files = [file for file in (cert, key, client_ca) if file]
         self._taken = self._seen = self._stand()
+        self._trouble: str | None = None
+        """Why what the files hold can't be used, as the log says."""
+        self.context = _Context(ssl.PROTOCOL_TLS_SERVER)
         try:
-            self.context = self._present = self._read()
+            self.context.present = self._read()
         except OSError as error:
             raise CertificateError(f"{self._named}: can't be used for TLS: {error.strerror or error}") from None
-        self.context.sni_callback = self._choose
 
     async def watch(self) -> None:
         """Look at the files again and again, for as long as this runs."""
@@ -48,23 +61,28 @@ class Certificates:
             self.look()
 
     def look(self) -> None:
-        """Take what the files hold now, where that is new, and was there at the last look: they change one by one."""
+        """Take what the files hold now, where that is new, and was so at the last look: they change one by one.
+
+        What can't be used is tried again with each look: who may read a file may change without it.
+        """
         stand, before = self._stand(), self._seen
         self._seen = stand
-        if stand is None or stand != before or stand == self._taken:
+        if stand != before:
             return
-        self._taken = stand
+        if stand == self._taken:
+            self._trouble = None
+            return
         try:
-            self._present = self._read(password="")  # nobody is asked for one
+            self.context.present = self._read(password="")  # nobody is asked for one
         except OSError as error:
             reason = error.strerror or str(error)
-            log.error("TLS goes on with the certificate of before: the new one is bad", file=self._named, reason=reason)
+            if reason != self._trouble:
+                what = "TLS goes on with the certificate of before: the new one is bad"
+                log.error(what, file=self._named, reason=reason)
+            self._trouble = reason
         else:
+            self._taken, self._trouble = stand, None
             log.info("TLS goes on with a new certificate", file=str(self._cert))
-
-    def _choose(self, connection: ssl.SSLObject, _name: str | None, _context: ssl.SSLContext) -> None:
-        """Make a handshake with the present certificate, whatever the one is that the context began with."""
-        connection.context = self._present
 
     def _read(self, password: str | None = None) -> ssl.SSLContext:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -73,8 +91,6 @@ class Certificates:
         if self._client_ca:
             context.load_verify_locations(self._client_ca)
             context.verify_mode = ssl.CERT_REQUIRED
-            context.options |= ssl.OP_NO_TICKET  # who resumes a session is not asked for a certificate again
-            context.num_tickets = 0
         return context
 
     def _stand(self) -> _Stand:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
+import socket
 import ssl
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
@@ -108,10 +109,68 @@ async def test_what_can_not_be_used_is_not_and_is_told_once(files: Files, capsys
         assert capsys.readouterr().out.count("certificate of before") == 1
         files.key.unlink()
         certificates.look()
+        assert "certificate of before" not in capsys.readouterr().out
+        for _ in range(4):
+            certificates.look()
+        assert capsys.readouterr().out.count("No such file") == 1
         files.put(None, new[1])
         for _ in range(2):
             certificates.look()
         assert await shown(port, authority) == der(new[0])
+
+
+async def test_what_may_be_read_only_later_is_taken_then(files: Files, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a renewed key is its owner's alone until a hook lets the server's user read it: no file changes then."""
+    authority = trustme.CA()
+    old, new = files.issued(authority), files.issued(authority)
+    files.put(*old)
+    certificates = Certificates(files.cert, files.key, None)
+
+    def refused(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    async with serving(certificates) as port:
+        files.put(*new)
+        with monkeypatch.context() as forbidden:
+            forbidden.setattr(ssl.SSLContext, "load_cert_chain", refused)
+            for _ in range(2):
+                certificates.look()
+        assert await shown(port, authority) == der(old[0])
+        certificates.look()
+        assert await shown(port, authority) == der(new[0])
+
+
+async def test_who_showed_a_certificate_of_an_authority_that_is_none_any_more_can_not_go_on_with_that(
+    files: Files,
+) -> None:
+    """By TLS 1.2 a session that is resumed is one for which nobody is asked for a certificate again."""
+    authority, first, second = trustme.CA(), trustme.CA(), trustme.CA()
+    files.put(*files.issued(authority))
+    first.cert_pem.write_to_path(files.client_ca)
+    certificates = Certificates(files.cert, files.key, files.client_ca)
+    context = ssl.create_default_context()
+    authority.configure_trust(context)
+    context.check_hostname, context.maximum_version = False, ssl.TLSVersion.TLSv1_2
+    context.load_cert_chain(*files.issued(first, "robot"))
+
+    def connected(session: ssl.SSLSession | None) -> tuple[bool, ssl.SSLSession | None]:
+        with (
+            socket.create_connection(("127.0.0.1", port), PATIENCE) as plain,
+            context.wrap_socket(plain, session=session) as encrypted,
+        ):
+            assert encrypted.recv(5) == b"hello"
+            return bool(encrypted.session_reused), encrypted.session
+
+    async with serving(certificates) as port:
+        _, session = await asyncio.to_thread(connected, None)
+        assert session is not None
+        assert (await asyncio.to_thread(connected, session))[0]
+        files.client_ca.unlink()
+        second.cert_pem.write_to_path(files.client_ca)
+        for _ in range(2):
+            certificates.look()
+        with pytest.raises((ssl.SSLError, ConnectionError)):
+            await asyncio.to_thread(connected, session)
 
 
 async def test_another_authority_of_clients_is_the_only_one_then(files: Files) -> None:
