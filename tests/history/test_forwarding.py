@@ -9,10 +9,11 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import msgspec
+import psycopg
 import pytest
 
 from oracle_server.core.episode import Episode, Worst
@@ -120,6 +121,39 @@ async def test_a_robot_brings_what_it_has_to_a_centre_that_can_not_say_yet_that_
         await brought(history, url, bringing)
         bringing.close()
         assert at_the_centre(url) == at_the_robot(tmp_path)
+
+
+@pytest.mark.parametrize("held_by", ["another role", "a backup"])
+async def test_a_centre_that_can_not_have_told_what_is_to_come_starts_without_that(
+    postgres: Postgres, tmp_path: Path, held_by: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table is another role's, or is read for long, as by pg_dump: others would wait behind who waits for it."""
+    schema, bringing = postgres.part(), Bringing()
+    url = own = postgres.url(schema)
+    await asyncio.to_thread(PostgresHistory(url).close)
+    postgres.do("ALTER TABLE origins DROP COLUMN behind", url)  # as older versions have it
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        await add(history, *(step(p) for p in range(1, 61)))
+        await brought(history, url, bringing, 50, once=True)
+        bringing.close()
+    with ExitStack() as held:
+        if held_by == "a backup":
+            reading = held.enter_context(psycopg.connect(url))
+            reading.execute("SELECT * FROM origins")
+        else:
+            postgres.do(f"CREATE ROLE {schema}_user LOGIN; GRANT USAGE ON SCHEMA {schema} TO {schema}_user")
+            for kind in ("TABLES", "SEQUENCES"):
+                postgres.do(f"GRANT ALL ON ALL {kind} IN SCHEMA {schema} TO {schema}_user")
+            own = url.replace("//tests@", f"//{schema}_user@")
+        centre = await asyncio.to_thread(PostgresHistory, own)
+        told = capsys.readouterr().out
+        assert "it is not told which robots are catching up" in told
+        assert ("must be owner" if own != url else "lock timeout") in told
+        centre.start(asyncio.get_running_loop())
+        (other,) = await centre.open_elsewhere(f"s@{ORIGIN}")
+        assert (other.steps, other.trouble) == (50, None)
+        await asyncio.to_thread(centre.close)
 
 
 async def test_of_a_robot_that_is_not_heard_any_more_that_is_told(

@@ -172,7 +172,7 @@ def _told() -> Iterator[None]:
         yield
     except UNFIT as error:
         raise ValueError(_line(error)) from None
-    except psycopg.errors.QueryCanceled as error:  # by a setting, which will do so again
+    except (psycopg.errors.QueryCanceled, psycopg.errors.LockNotAvailable) as error:  # a setting will do so again
         raise HistoryError(f"PostgreSQL: {_line(error)}") from None
     except (psycopg.OperationalError, psycopg.InterfaceError) as error:
         raise UnansweredError(f"PostgreSQL: {_line(error)}") from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import structlog
 
-from oracle_server.core.errors import HistoryError
+from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.history.postgres.connection import Connection
 from oracle_server.history.postgres.dialect import tables
 from oracle_server.history.sql.schema import VERSION, FormatError
@@ -112,7 +112,7 @@ def prepare(database: Connection) -> None:
         if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:
             database.execute(_FORWARDED)
         if not database.execute(TELLS_BEHIND).fetchone()[0]:
-            database.execute(_BEHIND)
+            _tell_behind(database)
         database.execute(COUNT_ON)
         database.commit()
     except BaseException:
@@ -120,6 +120,19 @@ def prepare(database: Connection) -> None:
         raise
     if version != VERSION:
         log.info("the history was migrated to a newer format", was=version, now=VERSION)
+
+
+def _tell_behind(database: Connection) -> None:
+    """Add what is only told to people, unless that fails: the role may not own the table, or a backup may read it."""
+    database.execute("SAVEPOINT behind")
+    try:
+        database.execute("SET LOCAL lock_timeout = '1s'")  # who comes behind who waits for this lock waits, too
+        database.execute(_BEHIND)
+    except UnansweredError:
+        raise
+    except HistoryError as error:
+        database.execute("ROLLBACK TO behind")
+        log.warning("it is not told which robots are catching up, until a server starts that can", reason=str(error))
 
 
 def _migrated(database: Connection) -> int:

@@ -60,12 +60,12 @@ FORWARDED_OPEN = (
 FORWARDED = """
 SELECT f.session, f.gaps, f.ended IS NOT NULL, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
     THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END,
-    CASE WHEN o.behind::json->>0 = o.writer THEN o.behind END
+    CASE WHEN (to_jsonb(o)->>'behind')::json->>0 = o.writer THEN to_jsonb(o)->>'behind' END
 FROM forwarded f LEFT JOIN origins o ON o.origin = f.origin AND o.robot = f.robot
 WHERE f.session = ANY(?2::bigint[])
 """
 """Of sessions that robots forward: what is missing, whether nothing more will come of them, since when a robot is
-silent that is for some seconds, and what it has still to bring."""
+silent that is for some seconds, and what it has still to bring, where there is a column for that."""
 MISSING = "SELECT gaps FROM forwarded WHERE session = ?"
 LEFT = """
 SELECT s.id FROM forwarded f JOIN sessions s ON s.number = f.session
