@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import psycopg
@@ -168,9 +169,9 @@ async def test_a_server_that_stood_still_hears_whether_it_is_a_node_before_it_de
 ) -> None:
     """Else what comes until its lease is renewed would be `unknown`, though nobody has taken over."""
     monkeypatch.setattr(store, "_GRACE", PATIENCE)
-    lease, asked = 0.2, threading.Event()
+    lease, asked = 60.0, threading.Event()
     node = await asyncio.to_thread(store.PostgresStore, postgres.empty(), lease, lambda: None, store.Node("a"))
-    hold, began = node._hold, time.monotonic()
+    hold, stood = node._hold, 0.0
 
     def renewed_once_asked(*values: Any) -> None:
         assert asked.wait(PATIENCE)
@@ -181,11 +182,44 @@ async def test_a_server_that_stood_still_hears_whether_it_is_a_node_before_it_de
         return node.overdue
 
     monkeypatch.setattr(node, "_hold", renewed_once_asked)
-    await until(lambda: time.monotonic() - began > lease)
-    renewing = asyncio.create_task(asyncio.to_thread(node.renew))
-    assert await asyncio.to_thread(ask) is None
-    await renewing
+    monkeypatch.setattr(store, "time", SimpleNamespace(monotonic=lambda: time.monotonic() + stood))
+    for _ in range(2):  # it may stand still again before it has renewed its lease once more
+        asked.clear()
+        stood += 2 * lease
+        renewing = asyncio.create_task(asyncio.to_thread(node.renew))
+        assert await asyncio.to_thread(ask) is None
+        await renewing
     await asyncio.to_thread(node.close)
+
+
+def test_a_server_waits_for_a_postgresql_that_always_answers_too_late_but_once(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All sessions wait with it."""
+    lease, waits = 60.0, list[float]()
+    node = store.PostgresStore(postgres.empty(), lease, lambda: None, store.Node("a"))
+    hold, wait_for, gone, late = node._hold, node._news.wait_for, 0.0, 0.0
+
+    def held(*values: Any) -> None:
+        nonlocal gone
+        hold(*values)
+        gone += late
+
+    def waited(until: Callable[[], bool], seconds: float) -> bool:
+        waits.append(seconds)
+        return wait_for(until, 0)
+
+    monkeypatch.setattr(node, "_hold", held)
+    monkeypatch.setattr(node._news, "wait_for", waited)
+    monkeypatch.setattr(store, "time", SimpleNamespace(monotonic=lambda: time.monotonic() + gone))
+    told = []
+    for late in (2 * lease, 2 * lease, 2 * lease, 0.0):  # noqa: B007 -- it is how long `held` takes
+        node.renew()
+        told.append((node.overdue is None, len(waits)))
+    gone += 2 * lease
+    told.append((node.overdue is None, len(waits)))
+    assert told == [(False, 1), (False, 1), (False, 1), (True, 1), (False, 2)]
+    node.close()
 
 
 def test_a_lease_of_which_most_is_over_once_it_is_renewed_is_renewed_at_once(postgres: Postgres) -> None:

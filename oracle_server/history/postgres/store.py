@@ -103,8 +103,8 @@ class PostgresStore:
         self._steady = self._held - lease
         self._news = threading.Condition()
         self._failing = False
-        self._waited: float | None = None
-        """For which `_held` it was waited for news already, and none came."""
+        self._hopes = True
+        """Whether to wait for news: since it was last waited for in vain the lease was renewed in time."""
         self.fenced: str | None = None
         """Why this server is no node any more."""
         database = self._connected()
@@ -207,11 +207,10 @@ class PostgresStore:
         return time.monotonic() - self._held
 
     def _await_news(self) -> None:
-        """Wait until the lease is renewed or that has failed, once for each time that it has run out."""
+        """Wait until the lease is renewed or that has failed; but once where PostgreSQL says so too late each time."""
         with self._news:
-            if self._waited != self._held:
-                self._news.wait_for(lambda: self._failing or self._silence <= self._lease, _GRACE)
-                self._waited = self._held
+            if self._hopes:
+                self._hopes = self._news.wait_for(lambda: self._failing or self._silence <= self._lease, _GRACE)
 
     @contextmanager
     def _trying(self) -> Iterator[None]:
@@ -229,6 +228,7 @@ class PostgresStore:
         finally:
             with self._news:
                 self._failing = failing
+                self._hopes = self._hopes or self._silence <= self._lease
                 self._news.notify_all()
 
     def _connected(self) -> Connection:
