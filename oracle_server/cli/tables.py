@@ -165,10 +165,18 @@ def _show_caveats(state: dict[str, Any], where: str = "") -> None:
 
     What an older version closed has no such keys.
     """
-    told = [f"{where}{state['trouble']}"] if state.get("trouble") else []
-    told += [f"{where}{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
-    told += [f"{where}{text}" for text in (*stream_troubles(state), *state.get("doubts", ()))]
-    sys.stdout.writelines(f"{one_line(text)}\n" for text in dict.fromkeys(told))
+    sys.stdout.writelines(f"{one_line(where + text)}\n" for text in _caveats(state))
+
+
+def _caveats(state: dict[str, Any]) -> list[str]:
+    told = [state["trouble"]] if state.get("trouble") else []
+    told += [f"{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
+    return list(dict.fromkeys([*told, *stream_troubles(state), *state.get("doubts", ())]))
+
+
+def in_doubt(state: dict[str, Any]) -> str:
+    """The first of what `_show_caveats` prints of a session, and how many more there are; empty where all is well."""
+    return "".join(_first_of(_caveats(state)))
 
 
 def _first_of(texts: Sequence[str]) -> list[str]:

@@ -12,17 +12,22 @@ from rich.console import Console
 from rich.live import Live
 
 from oracle_server.cli.client import Client
-from oracle_server.cli.tables import SESSIONS, cell, session_row, status_of, violations_of
+from oracle_server.cli.tables import SESSIONS, cell, in_doubt, session_row, status_of, violations_of
 from oracle_server.process.tables import print_table, table
 
-_HEAD = ("session", "status", "monitors", "steps/s", "held", "violations", "open", "wrong now")
+_DOUBT = "in doubt"
+_HEAD = ("session", "status", "monitors", "steps/s", "held", "violations", "open", "wrong now", _DOUBT)
 _EVERY = 2.0
 """Seconds between two looks."""
 
 
 def watch_sessions(client: Client, origin: str | None = None) -> None:
     """Draw the sessions, or those that are forwarded from a robot, until Ctrl-C."""
-    _watch(SESSIONS, lambda: [session_row(state) for state in client.get("sessions", origin=origin)["items"]])
+
+    def rows() -> list[tuple[str, ...]]:
+        return [(*session_row(state), in_doubt(state)) for state in client.get("sessions", origin=origin)["items"]]
+
+    _watch((*SESSIONS, _DOUBT), rows)
 
 
 def show_top(client: Client) -> None:
@@ -31,7 +36,7 @@ def show_top(client: Client) -> None:
 
 
 class Top:
-    """The open sessions, those with open episodes first, with what each does since the last look."""
+    """The open sessions, those with open episodes first and then those in doubt, with what each does meanwhile."""
 
     def __init__(self, client: Client, clock: Callable[[], float] = time.monotonic) -> None:
         """Look at a server; the clock is in seconds."""
@@ -51,11 +56,17 @@ class Top:
         passed = now - self._at
         rates = {name: (steps[name] - before) / passed for name, before in self._steps.items() if name in steps}
         self._steps, self._at = steps, now
-        states.sort(key=lambda state: (-len(wrong.get(state["id"], ())), -rates.get(state["id"], 0.0), state["id"]))
-        return [_row(state, rates.get(state["id"]), wrong.get(state["id"], [])) for state in states]
+        doubts = {state["id"]: in_doubt(state) for state in states}
+        rows = [_row(s, rates.get(s["id"]), wrong.get(s["id"], []), doubts[s["id"]]) for s in states]
+
+        def gravest(row: tuple[str, ...]) -> tuple[int, bool, float, str]:
+            name = row[0]
+            return -len(wrong.get(name, ())), not doubts[name], -rates.get(name, 0.0), name
+
+        return sorted(rows, key=gravest)
 
 
-def _row(state: dict[str, Any], rate: float | None, wrong: list[str]) -> tuple[str, ...]:
+def _row(state: dict[str, Any], rate: float | None, wrong: list[str], doubt: str) -> tuple[str, ...]:
     return (
         state["id"],
         status_of(state),
@@ -65,6 +76,7 @@ def _row(state: dict[str, Any], rate: float | None, wrong: list[str]) -> tuple[s
         violations_of(state),
         str(len(wrong)),
         ", ".join(Counter(wrong)),
+        doubt,
     )
 
 

@@ -17,14 +17,15 @@ from tests.processes import PATIENCE
 from tests.whole.harness import COMMAND, Server, run
 
 
-def state(name: str, steps: int | None, held: int | None = 0, status: str = "open") -> dict[str, Any]:
+def state(name: str, steps: int | None, held: int | None = 0, status: str = "open", *doubts: str) -> dict[str, Any]:
     return {
         "id": name,
         "spec": "s",
         "status": status,
-        "monitors": [{"connected": True}, {"connected": False}],
+        "monitors": [{"connected": True, "attached": False}, {"connected": False, "attached": False}],
         "counters": {"steps": steps, "held": held},
         "properties": [{"violations": 2}, {"violations": 1}],
+        "doubts": doubts,
     }
 
 
@@ -55,10 +56,27 @@ def test_rates_are_those_since_the_last_look_and_what_is_wrong_comes_first() -> 
     top = Top(cast("Client", served), lambda: next(times))
     assert {row[3] for row in top.rows()} == {"-"}
     assert top.rows() == [
-        ("b", "open", "1", "0", "7", "3", "3", "p, q"),
-        ("a", "open", "1", "50", "0", "3", "0", ""),
-        ("new", "open", "1", "-", "0", "3", "0", ""),
-        ("unknown", "unrestored", "0", "-", "-", "-", "0", ""),
+        ("b", "open", "1", "0", "7", "3", "3", "p, q", ""),
+        ("a", "open", "1", "50", "0", "3", "0", "", ""),
+        ("new", "open", "1", "-", "0", "3", "0", "", ""),
+        ("unknown", "unrestored", "0", "-", "-", "-", "0", "", ""),
+    ]
+
+
+def test_what_is_in_doubt_is_told_and_comes_before_what_is_fine() -> None:
+    troubled = state("troubled", 1) | {"trouble": "incomplete: it was cancelled"}
+    lossy = state("lossy", 2, 0, "open", "5 events were lost", "p was unknown at 1 step")
+    degraded = state("degraded", 3)
+    degraded["properties"][0] |= {"id": "p", "caveats": ["/rogue publishes /a past the monitor"]}
+    deaf = state("deaf", 4)
+    deaf["monitors"][0] = {"connected": True, "attached": True, "streams": [{"stream": "/a", "trouble": "silent"}]}
+    served = Served(([state("a_fine_one", 9), troubled, lossy, degraded, deaf], []))
+    assert [(row[0], row[-1]) for row in Top(cast("Client", served), lambda: 1.0).rows()] == [
+        ("deaf", "/a: silent"),
+        ("degraded", "p is degraded: /rogue publishes /a past the monitor"),
+        ("lossy", "5 events were lost (and 1 more)"),
+        ("troubled", "incomplete: it was cancelled"),
+        ("a_fine_one", ""),
     ]
 
 
