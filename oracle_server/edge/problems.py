@@ -15,6 +15,7 @@ from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import HistoryError, SpecError
 from oracle_server.wire.errors import WireError
+from oracle_server.wire.incoming import why
 
 log = structlog.get_logger()
 
@@ -74,7 +75,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(_: Request, error: RequestValidationError) -> JSONResponse:
-        found = [{"where": ".".join(str(part) for part in e["loc"]), "message": e["msg"]} for e in error.errors()]
+        found = [{"where": ".".join(str(part) for part in e["loc"]), "message": why(e)} for e in error.errors()]
         return problem(422, f"{found[0]['where']}: {found[0]['message']}", errors=found)
 
     @app.exception_handler(SpecError)

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from oracle_server.core.errors import OracleError
 from oracle_server.history.origins import origin_of, own_name
 from oracle_server.sessions.runs import goes_on
-from oracle_server.wire.incoming import Identifier, SessionName
+from oracle_server.wire.incoming import Identifier, SessionName, why
 
 Scope = Literal["submit", "read", "admin"]
 _PREFIX = "oracle_"
@@ -157,7 +157,8 @@ def add(
     try:
         token = Token.model_validate(wanted | {"sessions": sessions and list(sessions)})
     except ValidationError as error:
-        raise TokenError(f"{error.errors()[0]['loc'][0]}: {error.errors()[0]['msg']}") from None
+        first = error.errors()[0]
+        raise TokenError(f"{first['loc'][0]}: {why(first)}") from None
     with _locked(path):
         tokens = listed(path)
         if any(known.name == name for known in tokens):
@@ -202,7 +203,7 @@ def _read(path: Path) -> list[Token]:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise TokenError(f"{path}: {where + ': ' if where else ''}{first['msg']}") from None
+        raise TokenError(f"{path}: {where + ': ' if where else ''}{why(first)}") from None
 
 
 @contextlib.contextmanager

@@ -6,12 +6,15 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import ErrorDetails
 
 from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import IDENTIFIER
 
 SUBPROTOCOL = "oracle.v1"
+_SHOWN = 80
+"""Characters that are repeated of a name that is refused."""
 MAX_FRAME = 2**20
 """Longest frame, in bytes."""
 MAX_DEPTH = 64
@@ -31,13 +34,28 @@ EPISODES = "episodes"
 MAX_PARTS = 100_000
 """The most lists and objects in an event's data: as many as there are where each key holds a list of one object."""
 
+_SESSION = f"{IDENTIFIER[:-1]}(@{IDENTIFIER[1:-1]})?$"
+_MONITOR = r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$"
+_PLAIN = "1 to 64 letters of ASCII, digits, `_`, `-` and `.`"
+_NAMES = {
+    IDENTIFIER: f"{_PLAIN}, as in flight_1",
+    _SESSION: f"{_PLAIN}, as in flight_1, and at a centre the robot's behind it, as in flight_1@robot7",
+    _MONITOR: "letters of ASCII, digits, `_`, `-`, `.` and `/`, and begins with none of `-` and `.`, as in fleet/uav1",
+}
+"""What names have, by their patterns."""
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
-SessionName = Annotated[str, Field(pattern=f"{IDENTIFIER[:-1]}(@{IDENTIFIER[1:-1]})?$")]
+SessionName = Annotated[str, Field(pattern=_SESSION)]
 """The name of a session, of one that is forwarded too: `s1@robot7`."""
-MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]
+MonitorName = Annotated[str, Field(pattern=_MONITOR, max_length=255)]
 Stamp = Annotated[int, Field(ge=0, lt=2**63)]
 Seq = Annotated[int, Field(ge=1, lt=2**53)]
 Count = Annotated[int, Field(ge=0, lt=2**53)]
+
+
+def why(error: ErrorDetails) -> str:
+    """What is wrong with a value, in words: of a name, what one has."""
+    name = _NAMES.get(error.get("ctx", {}).get("pattern", ""))
+    return f"{error['input'][:_SHOWN]!r} is no name here: one has {name}" if name else error["msg"]
 
 
 class _Message(BaseModel):

@@ -25,6 +25,7 @@ from oracle_server.wire.incoming import (
     Raw,
     RawEvent,
     RawEvents,
+    why,
 )
 from oracle_server.wire.json import encode_bytes
 
@@ -244,4 +245,4 @@ def _reason(error: ValidationError) -> str:
     first = error.errors()[0]
     place = first["loc"][1:] if first["loc"] and first["loc"][0] in _TAGS else first["loc"]
     where = ".".join(str(part) for part in place)
-    return f"{where}: {first['msg']}" if where else str(first["msg"])
+    return f"{where}: {why(first)}" if where else why(first)

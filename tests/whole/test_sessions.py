@@ -101,7 +101,24 @@ async def test_who_attaches_by_a_robots_name_at_a_centre_is_told_where_that_sess
     assert error["code"] == "bad_attach"
     assert "a session of 'robot7', which is only read here: attach to the server there" in error["message"]
     assert error["message"].endswith("where it is 's1'")
-    assert "pattern" in (await refused(server, spec="pair", session="s1@robot7@robot8"))["message"]
+    refusal = (await refused(server, spec="pair", session="s1@robot7@robot8"))["message"]
+    assert refusal.startswith("session: 's1@robot7@robot8' is no name here: one has 1 to 64 letters of ASCII, digits,")
+
+
+@pytest.mark.parametrize(("field", "name"), [("monitor", "7/x-é"), ("session", "a flight"), ("spec", "battery/uav")])
+async def test_who_attaches_by_what_is_no_name_is_told_what_a_name_has(server: Server, field: str, name: str) -> None:
+    error = await refused(server, **{"monitor": "m1", "spec": "pair"} | {field: name})
+    assert error["code"] == "bad_attach"
+    assert error["message"].startswith(f"{field}: {name!r} is no name here: one has ")
+    assert "letters of ASCII, digits, `_`, `-`" in error["message"]
+    assert "pattern" not in error["message"]
+
+
+def test_what_is_no_name_over_http_is_told_what_a_name_has(server: Server) -> None:
+    refusal = problem(server.http.post("/api/v1/sessions", json={"spec": "pair", "id": "a flight"}), 422)
+    assert refusal["detail"].startswith(
+        "body.id: 'a flight' is no name here: one has 1 to 64 letters of ASCII, digits,"
+    )
 
 
 async def test_a_refused_attach_leaves_no_session_behind(start: Starts) -> None:
