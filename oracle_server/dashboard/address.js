@@ -29,7 +29,8 @@ export function read() {
   const [from, to] = [time("from"), time("to")];
   const window = from !== null && to !== null && from < to ? { from, to } : { from: null, to: null };
   const search = { q: query.get("q") ?? "", show: query.get("show") ?? "" };
-  return { kind, id, other, n: Number(query.get("n")) || null, ...window, ...search };
+  const n = /^\d{1,15}$/.test(query.get("n") ?? "") ? Number(query.get("n")) || null : null;
+  return { kind, id, other, n, ...window, ...search };
 }
 
 /** Name what is shown in the address, without a step back in the browser's history; not where another one was chosen. */

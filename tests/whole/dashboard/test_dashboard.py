@@ -33,6 +33,18 @@ async def test_a_session_is_seen_as_it_goes_on(server: Server, session: str, pag
     await expect(page.locator("strong.closed")).to_be_visible()
 
 
+async def test_an_address_whose_number_is_none_shows_the_newest_steps(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=SMALL))
+        await monitor.acked(1)
+    for number in ("-1", "1.5", "1e3", "x", "0", "9" * 30):
+        await page.goto("about:blank")
+        await page.goto(f"{server.url}/#/sessions/{session}?n={number}")
+        await expect(page.get_by_role("link", name="a_is_small at step 1: currently_true")).to_be_visible()
+        await expect(page.locator("main")).not_to_contain_text("query.")
+        await expect(page.locator(".verdict")).to_be_empty()
+
+
 async def test_any_verdict_says_why_it_is_so(server: Server, session: str, page: Page) -> None:
     async with attached(server, session=session, spec="single") as monitor:
         await monitor.send(make_event(1, at=1, data=SMALL), make_event(2, at=2, data=BIG))
