@@ -231,6 +231,12 @@ def streams(
     from oracle_server.sessions.greeting import stream_frame
     from oracle_server.specfiles.load import load_spec
 
+    if not spec.exists():
+        raise typer.BadParameter(
+            f"there is no file '{spec}': it takes a spec file, such as specs/battery_uav.yaml. What is observed "
+            "in a session stands on its page, and in `GET /api/v1/sessions/ID`; `oracle-server specs` lists a server's",
+            param_hint="SPEC",
+        )
     ready = plan(load_spec(spec, types=Types(types or ())).spec)
     frames = [stream_frame(ready, key) for key in ready.streams]
     document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": frames}

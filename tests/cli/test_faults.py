@@ -77,3 +77,9 @@ def test_traces_that_were_put_together_are_refused(tmp_path: Path) -> None:
         assert f"has step {twice} twice, or behind a later one" in failed("replay", spec, trace)
     trace.write_text("".join(lines))
     assert subprocess.run([COMMAND, "replay", spec, trace], capture_output=True, check=False).returncode == 0
+
+
+def test_streams_of_what_is_no_file_are_refused_with_what_it_takes() -> None:
+    said = failed("streams", "myrobot")
+    assert "there is no file 'myrobot': it takes a spec file, such as specs/battery_uav.yaml." in said
+    assert "`GET /api/v1/sessions/ID`" in said
