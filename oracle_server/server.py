@@ -31,6 +31,7 @@ from oracle_server.edge.listening import bracketed, listen, listening_unix
 from oracle_server.edge.origins import Origins
 from oracle_server.edge.readonly import ReadOnly
 from oracle_server.edge.scopes import RouteScopes
+from oracle_server.edge.slashes import Slashes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, http_transport
 from oracle_server.edge.visitors import LEAVING, STRANGERS, Visitors
@@ -218,7 +219,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
         inside = app if history.read_only is None else ReadOnly(app, history.read_only)
         access = Access(Bodies(inside, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
-            Origins(Heads(access), _hosts(settings)),
+            Origins(Heads(Slashes(access)), _hosts(settings)),
             http=http_transport(door.visitors),
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,

@@ -270,3 +270,17 @@ async def test_a_spec_file_that_has_become_unsound_hides_no_other(start: Starts)
     assert "single.yaml:1:1" in body["detail"]
     body = problem(server.http.post("/api/v1/sessions", json={"spec": "single"}), 422)
     assert "single.yaml:1:1" in body["detail"]
+
+
+def test_a_slash_too_many_leads_to_the_same_path_behind_a_proxy_that_puts_one_before_it(server: Server) -> None:
+    for path in ("/api/v1/sessions/?brief=true", "/docs/", "/api/v1/specs/"):
+        answer = server.http.get(path)
+        assert answer.status_code == 307
+        assert answer.next_request is not None
+        there = path.split("?")[0].rstrip("/")
+        assert answer.next_request.url.path == there
+        assert answer.next_request.url.query == answer.request.url.query
+        target = f"http://robots.example/oracle{path}"
+        assert str(httpx.URL(target).join(answer.headers["location"])) == target.replace("/?", "?").rstrip("/")
+        assert server.http.get(path, follow_redirects=True).status_code == 200
+    problem(server.http.get("/api/v1/nowhere/"), 404)
