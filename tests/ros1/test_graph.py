@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import socket
+import threading
+from typing import Any
+from xmlrpc.client import Fault
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
+import rospy
 from oracle_ros1 import graph
 
 
@@ -14,3 +19,61 @@ def test_a_master_that_does_not_answer_is_not_waited_for_without_end(monkeypatch
         monkeypatch.setattr(graph, "REPLY_WITHIN", 0.05)
         with pytest.raises(OSError, match="timed out"):
             graph.master_proxy().getSystemState()
+
+
+class Topics:
+    """What rospy has of this node: one subscriber."""
+
+    def get_publications(self) -> list[tuple[str, str]]:
+        return []
+
+    def get_subscriptions(self) -> list[tuple[str, str]]:
+        return [("/number", "std_msgs/Int64")]
+
+    def get_services(self) -> list[tuple[str, str]]:
+        return []
+
+
+class Master:
+    """A master that was restarted, whose answer to the first registration is lost where `lossy`."""
+
+    def __init__(self, *, lossy: bool) -> None:
+        self._lossy, self._subscribers = lossy, list[str]()
+
+    def getSystemState(self) -> Any:  # noqa: N802 - as ROS calls it
+        return 1, "", [[["/number", ["/speaker"]]], [["/number", self._subscribers]], []]
+
+    def lookupNode(self, _node: str) -> Any:  # noqa: N802
+        return -1, "", 0
+
+    def registerSubscriber(self, _name: str, _kind: str, _uri: str) -> Any:  # noqa: N802
+        self._subscribers.append(rospy.get_name())
+        if self._lossy:
+            self._lossy = False
+            raise OSError("timed out")
+        return 1, "", ["http://speaker:1/"]
+
+
+@pytest.mark.parametrize("lossy", [False, True])
+def test_a_subscriber_that_was_registered_again_and_not_connected_is_so_at_the_next_look(
+    lossy: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[list[str]] = []
+
+    def publisher_update(_caller: str, _topic: str, publishers: list[str]) -> Any:
+        told.append(publishers)
+        return (1, "", 0) if lossy or len(told) > 1 else None  # which can't be sent
+
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as node:
+        node.register_function(publisher_update, "publisherUpdate")
+        threading.Thread(target=node.serve_forever, daemon=True).start()
+        monkeypatch.setattr(rospy, "get_node_uri", lambda: f"http://127.0.0.1:{node.server_address[1]}/")
+        for manager in ("get_topic_manager", "get_service_manager"):
+            monkeypatch.setattr(graph.registration, manager, Topics)
+        looking, master = graph.Graph(), Master(lossy=lossy)
+        with pytest.raises((OSError, Fault)):
+            looking._look(master)
+        for _ in range(3):
+            looking._look(master)
+        node.shutdown()
+    assert told == [["http://speaker:1/"]] * (1 if lossy else 2)

@@ -100,6 +100,7 @@ class Graph:
         self._addresses: Dict[str, str] = {}
         self._given: Set[str] = set()  # topics that no other node is to publish
         self._forgotten: Dict[str, Tuple[str, Set[str]]] = {}  # what nodes publish that a new master does not know
+        self._unconnected: Set[str] = set()  # topics that were registered again, whose publishers may not be known here
         self._servers: Optional[Users] = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._ask, name="oracle-graph", daemon=True)
@@ -178,10 +179,14 @@ class Graph:
         _, _, state = master.getSystemState()
         publishers, subscribers, servers = (dict(entries) for entries in state)
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
-        own, subscribe = rospy.get_name(), partial(_subscribe, master)
+        own, subscribe = rospy.get_name(), partial(self._subscribe, master)
         missing = [
             *((master.registerPublisher, *p) for p in topics.get_publications() if own not in publishers.get(p[0], ())),
-            *((subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
+            *(
+                (subscribe, *s)
+                for s in topics.get_subscriptions()
+                if own not in subscribers.get(s[0], ()) or s[0] in self._unconnected
+            ),
             # a service that another node serves by now stays that one's
             *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
         ]
@@ -208,6 +213,12 @@ class Graph:
                 self._forgotten.setdefault(node, (address, topics))
         asked = {node: (address, _published(address, topics)) for node, (address, topics) in self._forgotten.items()}
         self._forgotten = {node: found for node, found in asked.items() if found[1]}
+
+    def _subscribe(self, master: Any, name: str, kind: str, uri: str) -> None:
+        self._unconnected.add(name)  # the master may know it, and its answer be lost
+        _, _, publishers = master.registerSubscriber(name, kind, uri)
+        ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later
+        self._unconnected.discard(name)
 
     def _register_again(self, missing: Sequence[Tuple[Register, str, str]], master: Any) -> None:
         """Register at the master what it lacks of this node, as after its restart: rospy never does that.
@@ -240,8 +251,3 @@ def _is_replaced(master: Any) -> bool:
     """Whether the master has another node by this one's name."""
     code, _, uri = master.lookupNode(rospy.get_name())
     return bool(code == 1 and uri != rospy.get_node_uri())
-
-
-def _subscribe(master: Any, name: str, kind: str, uri: str) -> None:
-    _, _, publishers = master.registerSubscriber(name, kind, uri)
-    ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later
