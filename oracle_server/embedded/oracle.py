@@ -54,8 +54,8 @@ class EmbeddedOracle:
     Settings as retention and durability are those of the server's environment. Nothing of the process is changed.
     """
 
-    def __init__(self, spec: Path, data_dir: Path | None) -> None:
-        """Open the data directory for a spec's file.
+    def __init__(self, spec: Path, data_dir: Path | None, wait: float = 0.0) -> None:
+        """Open the data directory for a spec's file; another adapter that has it is waited for, for `wait` seconds.
 
         Raises `SpecError`, `PidFileError` where another process uses the directory, and other `OracleError`s.
         """
@@ -63,7 +63,7 @@ class EmbeddedOracle:
         types = Types(settings.type_folders)
         loaded = load_spec(spec, types=types).spec
         self.spec, self._digest = loaded.id, loaded.digest
-        self._pid_file = PidFile(settings.data_dir, embedded=True)
+        self._pid_file = PidFile(settings.data_dir, embedded=True, wait=wait)
         try:
             uploads = settings.data_dir / "specs"
             self._library = Library(spec, uploads, types)

@@ -8,7 +8,11 @@ import time
 from pathlib import Path
 from typing import IO, NamedTuple
 
+import structlog
+
 from oracle_server.core.errors import OracleError
+
+log = structlog.get_logger()
 
 NAME = "server.pid"
 _WITHIN = 1.0
@@ -32,8 +36,10 @@ class Running(NamedTuple):
 class PidFile:
     """Holds a data directory for this process."""
 
-    def __init__(self, folder: Path, *, embedded: bool = False) -> None:
+    def __init__(self, folder: Path, *, embedded: bool = False, wait: float = 0.0) -> None:
         """Make the folder and lock it; `embedded`: for an adapter that judges by itself.
+
+        Another such adapter that has it may be ending: it is waited for, for `wait` seconds at most.
 
         Raises `PidFileError` where another server has it, or it can't be used.
         """
@@ -43,7 +49,7 @@ class PidFile:
             self._file = open(folder / NAME, "a+", encoding="utf-8", opener=_private)  # noqa: SIM115 -- held
         except OSError as error:
             raise PidFileError(f"{folder}: can't be used as data directory: {error.strerror}") from None
-        if not self._locked():
+        if not (self._locked(_WITHIN) or (wait > 0 and self._is_embedded() and self._locked(wait))):
             self._file.close()
             raise PidFileError(
                 f"{folder}: another server, or an adapter with --embedded, uses this data directory; stop it, "
@@ -51,9 +57,17 @@ class PidFile:
             )
         self.publish(None)
 
-    def _locked(self) -> bool:
+    def _is_embedded(self) -> bool:
+        """Whether an adapter has the file; it is told of then, as it may take a while to end."""
+        self._file.seek(0)
+        found = self._file.read().endswith(f"\n{_EMBEDDED}")
+        if found:
+            log.warning("another adapter with --embedded uses the data directory: waiting for its end")
+        return found
+
+    def _locked(self, within: float) -> bool:
         """Lock the file; False where a server has locked it. A process that checks for one locks it for a moment."""
-        deadline = time.monotonic() + _WITHIN
+        deadline = time.monotonic() + within
         while True:
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.process.pidfile import NAME, PidFile, running
+from oracle_server.process import pidfile
+from oracle_server.process.pidfile import NAME, PidFile, PidFileError, running
+from tests.processes import PATIENCE
 
 
 def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
@@ -33,3 +35,21 @@ def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
     monkeypatch.setattr(time, "sleep", lambda _: mine.publish("http://127.0.0.1:1"))
     assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1", False)
     mine.release()
+
+
+def test_an_adapter_that_is_ending_is_waited_for_and_a_server_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pidfile, "_WITHIN", -1.0)
+    ending = PidFile(tmp_path, embedded=True)
+    with pytest.raises(PidFileError, match="uses this data directory"):
+        PidFile(tmp_path, embedded=True)
+    monkeypatch.setattr(time, "sleep", lambda _: ending.release())
+    mine = PidFile(tmp_path, embedded=True, wait=PATIENCE)
+    assert running(tmp_path) == (os.getpid(), None, True)
+    mine.release()
+    server = PidFile(tmp_path)
+    monkeypatch.setattr(time, "sleep", lambda _: server.release())
+    with pytest.raises(PidFileError, match="uses this data directory"):
+        PidFile(tmp_path, embedded=True, wait=PATIENCE)
+    server.release()

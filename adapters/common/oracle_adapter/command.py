@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from oracle_adapter.notices import Attached
 
 DEFAULT_URL = "http://127.0.0.1:8642"
+FREE_WITHIN = 10.0
+"""Seconds for which an adapter that is ending keeps the data directory, at the most."""
 
 
 def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
@@ -107,7 +109,12 @@ def make_link(options: argparse.Namespace, **more: Any) -> Link:
 
     log_warnings()
     return EmbeddedLink(
-        options.embedded, options.data, options.monitor, session=options.session, **more
+        options.embedded,
+        options.data,
+        options.monitor,
+        FREE_WITHIN,
+        session=options.session,
+        **more,
     )
 
 

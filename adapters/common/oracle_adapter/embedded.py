@@ -32,9 +32,14 @@ class EmbeddedLink(Link):
     `oracle-server`.
     """
 
-    def __init__(self, spec: str, data_dir: Optional[str], monitor: str, **more: Any) -> None:
-        """Open the data directory. Raises `LinkError` where this can't be done."""
-        self._oracle = _open(spec, data_dir)
+    def __init__(
+        self, spec: str, data_dir: Optional[str], monitor: str, wait: float = 0.0, **more: Any
+    ) -> None:
+        """Open the data directory. Raises `LinkError` where this can't be done.
+
+        Another adapter that has it may be ending: it is waited for, for `wait` seconds at most.
+        """
+        self._oracle = _open(spec, data_dir, wait)
         try:
             super().__init__("ws://embedded", monitor, spec=self._oracle.spec, **more)
         except BaseException:
@@ -71,7 +76,7 @@ def log_warnings() -> None:
     begin()
 
 
-def _open(spec: str, data_dir: Optional[str]) -> Any:
+def _open(spec: str, data_dir: Optional[str], wait: float) -> Any:
     if sys.version_info < (3, 11):
         here = ".".join(map(str, sys.version_info[:2]))
         raise LinkError("embedded", f"{_NOT_HERE}; this is Python {here}", fatal=True)
@@ -80,7 +85,7 @@ def _open(spec: str, data_dir: Optional[str]) -> Any:
     except ImportError as error:
         raise LinkError("embedded", f"{_NOT_HERE}: {error}", fatal=True) from None
     folder = None if data_dir is None else Path(data_dir)
-    return _try(lambda: EmbeddedOracle(Path(spec), folder))
+    return _try(lambda: EmbeddedOracle(Path(spec), folder, wait))
 
 
 def _try(work: Callable[[], Any]) -> Any:
