@@ -137,6 +137,17 @@ def test_an_action_is_observed_without_a_proxy(tmp_path: Path) -> None:
         process.ends_well()
 
 
+def test_an_observed_action_that_nobody_serves_is_told(tmp_path: Path) -> None:
+    described = streams("goal", name="/counts", via="introspection", proxy="")
+    with watched(tmp_path, described) as (scene, oracle, process):
+        serving = server(scene, count)
+        process.said("/counts: nobody serves /counts; did you mean /count[?]")
+        eventually(oracle.troubles, ["nobody serves /counts; did you mean /count?"].__eq__)
+        serving.serve_action(msg.TestAction, "/counts", count)
+        process.said("/counts: recovered")
+        process.ends_well()
+
+
 def test_another_type_than_the_specs_is_told_and_does_not_pass(tmp_path: Path) -> None:
     with watched(tmp_path, streams("goal")) as (scene, oracle, process):
         serving, odd = server(scene, count), scene.peer()

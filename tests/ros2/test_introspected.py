@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,15 @@ def test_without_introspection_feedback_and_status_are_seen_and_the_rest_is_told
         assert {e["kind"] for e in scene.judge.seen} == {"feedback", "status"}
         text = "nobody tells of /fib/_action/send_goal: its server has to turn introspection on"
         eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda found: text in found)
+        scene.adapter.ends_well()
+
+
+def test_an_action_that_nobody_serves_is_told(tmp_path: Path) -> None:
+    misspelt = [stream | {"name": "/fibs"} for stream in streams(via="introspection", kinds=("goal",))]
+    with acting(tmp_path, misspelt) as scene:
+        text = "nobody serves /fibs; did you mean /fib?"
+        scene.scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", 0.01, 10)
+        eventually(lambda: scene.judge.reports.get("/fibs goal", ""), text.__eq__)
         scene.adapter.ends_well()
 
 

@@ -1,4 +1,4 @@
-"""Topics that nobody publishes, as where a spec misspells one: what never comes breaks nothing."""
+"""What nobody publishes or serves, as where a spec misspells it: silence breaks nothing."""
 
 from __future__ import annotations
 
@@ -19,9 +19,14 @@ _COMPARED = 5
 class Unpublished:
     """Whether nobody has published a topic since this began; who did, and has gone, counts."""
 
-    def __init__(self, name: str, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin with a topic's name on the graph. `clock` returns seconds."""
-        self._name, self._clock = name, clock
+    def __init__(
+        self, name: str, clock: Callable[[], float] = time.monotonic, does: str = "publishes"
+    ) -> None:
+        """Begin with a topic's name on the graph, or an action's; `does`: what is wanted of it.
+
+        `clock` returns seconds.
+        """
+        self._name, self._clock, self._does = name, clock, does
         self._due: Optional[float] = clock() + PATIENCE
         self._others: FrozenSet[str] = frozenset()
         self._nearest: Sequence[str] = ()
@@ -50,7 +55,7 @@ class Unpublished:
                 self._others, self._nearest = found, _nearest(self._name, found)
             meant = next(filter(is_meant, self._nearest), "")
             hint = f"; did you mean {meant}?" if meant else ""
-            self.text = "" if self._name in found else f"nobody publishes {self._name}{hint}"
+            self.text = "" if self._name in found else f"nobody {self._does} {self._name}{hint}"
 
 
 def _nearest(name: str, others: Iterable[str]) -> Sequence[str]:

@@ -48,7 +48,7 @@ class Part(Protocol):
 
     @property
     def doubt(self) -> str:
-        """What may be wrong with a topic, as of the last look; empty for services and actions."""
+        """What may be wrong with a topic, or an action that is only observed, as of the last look; else empty."""
 
     def look(self) -> str:
         """What is wrong, empty for nothing; to be called from time to time."""

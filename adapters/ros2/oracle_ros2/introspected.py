@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Callable, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 from action_msgs.msg import GoalInfo, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
+from oracle_adapter.unpublished import Unpublished
 from rclpy.serialization import deserialize_message
 from service_msgs.msg import ServiceEventInfo
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 MOST = 10_000
 """Calls without an answer that are remembered."""
 SERVICES = {"goal": "send_goal", "reply": "send_goal", "cancel": "cancel_goal", "result": "get_result"}
+_STATUS = hidden("", "status")
 _REQUEST, _RESPONSE = ServiceEventInfo.REQUEST_RECEIVED, ServiceEventInfo.RESPONSE_SENT
 
 
@@ -115,7 +117,7 @@ class ServiceEvents:
 class IntrospectedAction:
     """Reports what an action's server tells of itself."""
 
-    bypass = doubt = ""
+    bypass = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Raises `CodecError`."""
@@ -134,7 +136,8 @@ class IntrospectedAction:
 
         self._feedback = self._status = None
         self._numbers = Numbers()
-        self._status_topic = hidden(name, "status")
+        self._status_topic = node.resolve_topic_name(hidden(name, "status"))
+        self._silence = Unpublished(self._status_topic[: -len(_STATUS)], does="serves")
         self.subscription: Any = None
         if "feedback" in streams:
             envelope = impl.FeedbackMessage, "feedback"
@@ -144,7 +147,7 @@ class IntrospectedAction:
         self._statuses: MatchedSubscription | None = None
         if "status" in streams:
             self._status = StatusStream(shared, streams["status"])
-            self._statuses = MatchedSubscription(node, GoalStatusArray, self._status_topic, self._take_status)
+            self._statuses = MatchedSubscription(node, GoalStatusArray, hidden(name, "status"), self._take_status)
         observed = {**self._sides, "feedback": self._feedback, "status": self._status}
         self.streams: list[CallStream | Observed | StatusStream] = [
             found for kind in streams if (found := observed[kind]) is not None
@@ -167,7 +170,8 @@ class IntrospectedAction:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        served = self._node.count_publishers(self._node.resolve_topic_name(self._status_topic)) > 0
+        served = self._node.count_publishers(self._status_topic) > 0
+        self._silence.look(lambda: served, self._others)
         troubles = [trouble for events in self._events for trouble in events.look(served)]
         troubles += [side.lacking for side in self._sides.values()]
         if self._feedback is not None:
@@ -176,6 +180,17 @@ class IntrospectedAction:
             troubles.append(self._statuses.look())
             self._status.keep(self._statuses.sources)
         return "; ".join(trouble for trouble in troubles if trouble)
+
+    @property
+    def doubt(self) -> str:
+        """That nobody has served it so far, as of the last look."""
+        return self._silence.text
+
+    def _others(self) -> Iterator[str]:
+        """The actions that are served: those whose status somebody publishes."""
+        for topic, _ in self._node.get_topic_names_and_types():
+            if topic.endswith(_STATUS) and self._node.count_publishers(topic):
+                yield topic[: -len(_STATUS)]
 
     def stop(self) -> None:
         """Take no more."""
