@@ -120,7 +120,7 @@ async def _begin(
     )
     if position:
         return core, position
-    if snapshot is not None:
+    if snapshot is not None and problem:  # none where nothing was judged
         log.warning("all of a session is judged again", session=session, reason=problem)
     first, _ = await history.extent(session)
     if first > 1:

@@ -339,3 +339,12 @@ async def test_what_is_held_of_a_monitor_that_had_detached_keeps_nobody_waiting(
     ]
     async with attached(server, "m2", session="s", streams=["/b"]) as second:
         assert second.attached["next"] == 4
+
+
+def test_a_session_in_which_nothing_was_judged_is_restored_without_a_warning(start: Starts) -> None:
+    server = start()
+    assert server.http.post("/api/v1/sessions", json={"spec": "single", "id": "empty"}).status_code == 201
+    assert server.stop() == 0
+    server = start()
+    assert server.get("sessions/empty")["status"] == "open"
+    assert "judged again" not in server.log
