@@ -11,6 +11,7 @@ import typer
 
 from oracle_server.cli.options import TypeFolders
 from oracle_server.core.errors import OracleError
+from oracle_server.process.ending import ended_as_by_ctrl_c
 
 
 class By(StrEnum):
@@ -46,6 +47,7 @@ class Engine(StrEnum):
     RAY = "ray"
 
 
+@ended_as_by_ctrl_c()
 def replay(
     paths: Annotated[
         list[Path],

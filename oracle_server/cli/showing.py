@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import httpx
@@ -43,7 +41,7 @@ def show_recording(specs: Sequence[Path], trace: Path, types: Sequence[Path]) ->
     file = _one_file(trace)
     known = Types(types)
     loaded = {each.spec.id: each for each in (load_spec(path, types=known) for path in specs)}
-    with contextlib.suppress(KeyboardInterrupt), _ended_as_by_ctrl_c(), tempfile.TemporaryDirectory() as place:
+    with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as place:
         statuses: list[int] = []
         with _server(Path(place), file, loaded, types) as (process, url):
             try:
@@ -68,22 +66,6 @@ def _one_file(trace: Path) -> Path:
     if len(files) != 1:
         raise TraceError(f"{trace}: a server takes one file, and it has {len(files)} with messages: name one of them")
     return files[0]
-
-
-@contextlib.contextmanager
-def _ended_as_by_ctrl_c() -> Iterator[None]:
-    """Clean up, too, where this process is told to end, or its terminal is closed."""
-
-    def interrupt(_number: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    numbers = signal.SIGTERM, signal.SIGHUP
-    before = [signal.signal(number, interrupt) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from oracle_server.core.errors import TraceError, one_line
 from oracle_server.core.events import Event
@@ -20,6 +19,7 @@ from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
+from oracle_server.replay.scratch import let_go, unpacking
 from oracle_server.replay.sources import Item, Source, Topic
 from oracle_server.replay.storage import LATEST, Channel, Missing, Storage
 from oracle_server.replay.together import together
@@ -63,6 +63,8 @@ class Bag:
                 place = _unpacked(self.path, stack)
                 files = files_of(place)
                 storages = self._open(files, stack)
+                if place != self.path:
+                    let_go(place)
                 sources = self._prepare(files, storages)
                 self._survey(storages, sources)
                 self.since = _oldest(storages)
@@ -212,7 +214,7 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
         packed = is_packed(file.read(HEAD))
     if not packed:
         return path
-    folder = Path(stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
+    folder = stack.enter_context(unpacking())
     unpack(path, folder)
     return folder
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
@@ -22,6 +21,7 @@ from oracle_server.replay.mcapfile import MAGIC as MCAP
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.ros1file import MAGIC as ROS1
 from oracle_server.replay.ros1file import Ros1File
+from oracle_server.replay.scratch import let_go, unpacking
 from oracle_server.replay.sqlitefile import MAGIC as SQLITE
 from oracle_server.replay.sqlitefile import SqliteFile
 from oracle_server.replay.storage import Storage
@@ -65,11 +65,12 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
     """One file of a bag, opened by what it begins with, until `stack` is closed. Raises `TraceError` and OSError."""
     magic = begins_as(path)
     if magic == ZSTD:
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
+        folder = stack.enter_context(unpacking())
         plain = folder / path.name.removesuffix(".zstd")
         damage = _unpack(path, plain)
         storage = open_storage(plain, stack)
         storage.damages += damage
+        let_go(folder)
         return storage
     if magic is None:
         raise TraceError(f"{path}: is {'empty' if not path.stat().st_size else 'no file of a bag'}")

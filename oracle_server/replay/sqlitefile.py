@@ -7,10 +7,10 @@ import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.scratch import let_go, unpacking
 from oracle_server.replay.storage import Channel, Message
 
 MAGIC = b"SQLite format 3\x00"
@@ -52,7 +52,7 @@ class SqliteFile:
 
     def _with_log(self, log: Path) -> sqlite3.Connection | None:
         """The database of copies, as sqlite writes beside what it opens with a log; None where that can't be read."""
-        folder = Path(self._stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
+        folder = self._stack.enter_context(unpacking())
         copies = folder / "bag.db3", folder / f"bag.db3{LOG}"
         for source, copy in zip((self.path, log), copies, strict=True):
             shutil.copyfile(source, copy)
@@ -62,6 +62,7 @@ class SqliteFile:
         except sqlite3.Error:
             self.damages.append(f"what {log.name} has can't be read")
             return None
+        let_go(folder)
         return database
 
     def _connected(self, path: Path, how: str) -> sqlite3.Connection:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import gc
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import threading
 import time
 from collections import deque
@@ -15,6 +17,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from oracle_server.replay.many.judging import Begun, Judge, Question, Task, Unit, failed
@@ -91,7 +94,9 @@ class _Worker:
     def __init__(self, question: Question) -> None:
         self._question = question
         self.connection, theirs = _SPAWN.Pipe()
-        self._process: SpawnProcess = _SPAWN.Process(target=_work, args=(question, theirs), daemon=True)
+        self._folder = _folder()
+        place = None if self._folder is None else self._folder.name
+        self._process: SpawnProcess = _SPAWN.Process(target=_work, args=(question, theirs, place), daemon=True)
         self.task: Task | None = None
         self.since = 0.0
         self._left: list[int] = []
@@ -161,13 +166,24 @@ class _Worker:
         self._process.kill()
         self._process.join(_END)
         self.connection.close()
+        if self._folder is not None:
+            self._folder.cleanup()
 
 
-def _work(question: Question, connection: Connection) -> None:
-    """The process: judges what it is given, until who gives it has ended."""
+def _folder() -> TemporaryDirectory[str] | None:
+    """Where a process unpacks, so that nothing of it is left when that is killed; None where there is no room."""
+    try:
+        return TemporaryDirectory(prefix="oracle-server-", ignore_cleanup_errors=True)
+    except OSError:
+        return None
+
+
+def _work(question: Question, connection: Connection, folder: str | None) -> None:
+    """The process: judges what it is given, until who gives it has ended; what it unpacks goes to a folder."""
     parent = multiprocessing.parent_process()
     assert parent is not None  # noqa: S101 -- it was started by one
-    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent.sentinel, folder), daemon=True).start()
+    tempfile.tempdir = folder
     _be_modest()
     judge = Judge(question)
     while True:
@@ -223,6 +239,8 @@ def _tidy() -> None:
         gc.freeze()
 
 
-def _end_with(parent: int) -> None:
+def _end_with(parent: int, folder: str | None) -> None:
     wait([parent])
+    if folder is not None:
+        shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)

@@ -1,0 +1,121 @@
+"""What is unpacked while a recording is judged: nothing of it is left, however that ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tarfile
+import tempfile
+from pathlib import Path, PosixPath
+from typing import Any
+
+import pytest
+import zstandard
+from rosbags.rosbag2 import StoragePlugin
+
+from oracle_server.replay.many.judging import Task, Unit
+from oracle_server.replay.many.workers import Workers
+from tests.processes import PATIENCE, ROOT
+from tests.replay.judging import write_numbers, write_spec
+from tests.replay.many.recordings import question
+
+SPEC = """
+id: numbers
+streams: [{topic: /x, type: std_msgs/msg/Float64, signals: {x: msg.data}}]
+properties: [{id: low, formula: '{topic: "/x"} -> {x <= 1000}'}]
+"""
+ENDING = """
+import os, sys
+from oracle_server.cli import main
+from oracle_server.replay import bags, folder
+number, where = int(sys.argv.pop(1)), sys.argv.pop(1)
+place, name = (folder, "_unpack") if where == "unpacking" else (bags, "_oldest")
+before = getattr(place, name)
+def ending(*arguments):
+    found = before(*arguments)
+    print("unpacked", flush=True)
+    os.kill(os.getpid(), number)
+    return found
+setattr(place, name, ending)
+main()
+"""
+"""The command, which gets a signal once a file is unpacked, or once it is judged."""
+
+
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    return folder
+
+
+def packed(folder: Path, form: str) -> Path:
+    """A bag that must be unpacked: a file that is compressed, or a folder as one file."""
+    storage = StoragePlugin.SQLITE3 if form == "db3" else StoragePlugin.MCAP
+    bag = write_numbers(folder / "bag", {"/x": [(at, float(at)) for at in range(20)]}, storage)
+    if form == "tar":
+        with tarfile.open(folder / "bag.tar", "w") as archive:
+            archive.add(bag, "bag")
+        return folder / "bag.tar"
+    (path,) = bag.glob(f"*.{form}")
+    target = folder / f"{path.name}.zstd"
+    target.write_bytes(zstandard.compress(path.read_bytes()))
+    return target
+
+
+def ended(temporary: Path, number: int, where: str, *words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", ENDING, number, where, "replay", *words]
+    return subprocess.run(
+        list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False,
+        env=os.environ | {"TMPDIR": str(temporary)}, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_who_is_told_to_end_leaves_nothing(number: signal.Signals, temporary: Path, tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    found = ended(temporary, number, "unpacking", spec, packed(tmp_path, "mcap"))
+    assert (found.returncode, found.stdout, found.stderr) == (128 + number, "unpacked\n", "")
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["mcap", "db3", "tar"])
+def test_who_is_killed_while_it_judges_leaves_nothing(form: str, temporary: Path, tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    found = ended(temporary, signal.SIGKILL, "judging", spec, packed(tmp_path, form))
+    assert (found.returncode, found.stdout) == (-signal.SIGKILL, "unpacked\n")
+    assert list(temporary.iterdir()) == []
+
+
+def test_what_is_ignored_stays_so(temporary: Path, tmp_path: Path) -> None:
+    spec, bag = write_spec(tmp_path, SPEC), packed(tmp_path, "mcap")
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` has it for what it starts
+    try:
+        found = ended(temporary, signal.SIGHUP, "unpacking", spec, bag)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert found.returncode == 0, found.stderr
+    assert "20 events" in found.stdout
+
+
+class Deadly(PosixPath):
+    """A recording that kills who opens it again while something of it is unpacked, as where it takes too long."""
+
+    def open(self, *arguments: Any, **options: Any) -> Any:
+        if next(Path(tempfile.gettempdir()).iterdir(), None) is not None:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().open(*arguments, **options)
+
+
+def test_of_a_process_that_is_killed_who_started_it_deletes_what_it_has_unpacked(
+    temporary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    asked = question([write_spec(tmp_path, SPEC)])
+    said = list(Workers(asked, 1, None).run([Task(0, Deadly(packed(tmp_path, "mcap")), (0,))]))
+    (row,) = next(one.rows for one in said if isinstance(one, Unit))
+    assert "was killed" in (row.error or "")
+    assert list(temporary.iterdir()) == []
