@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from oracle_server.core.errors import OracleError, TraceError, one_line
+from oracle_server.replay.bounds import refuse_vast
 from oracle_server.replay.storage import Channel
 from oracle_server.rostypes.bagtypes import NOTHING, is_given
 
@@ -42,7 +43,7 @@ def types_of(channel: Channel, known: Typestore, given: TypesByName | None = Non
     `known` has what the channel does not define itself, and `given` are its own types where they are known already.
     Raises `TraceError` where a type is unknown, or can't be read as the channel defines it: another of its name may be
     laid out otherwise. A folder that was named may have it then. It raises it, too, where messages are serialized in a
-    way that is not read.
+    way that is not read, or where it has arrays that no message holds.
     """
     if channel.serialization not in _SERIALIZATIONS:
         raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
@@ -68,6 +69,7 @@ def types_of(channel: Channel, known: Typestore, given: TypesByName | None = Non
             f"{channel.topic}: the type {channel.type} is unknown; give the folder of its package with --types"
         )
     complete(own, channel, known)
+    refuse_vast(name, own, ros1=channel.serialization == "ros1")
     store = get_typestore(Stores.EMPTY)
     store.register(own)
     return store

@@ -9,7 +9,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.actiontypes import action_types
-from oracle_server.replay.definitions import type_name, types_of
+from oracle_server.replay.definitions import RULE, type_name, types_of
+from oracle_server.replay.sources import read_cdr
 from oracle_server.replay.storage import Channel
 from oracle_server.rostypes.bagtypes import typestore
 
@@ -95,3 +96,35 @@ def test_names_of_types() -> None:
     assert type_name("test_msgs/BasicTypes") == "test_msgs/msg/BasicTypes"
     assert type_name("a/srv/B_Event") == "a/msg/B_Event"
     assert type_name("a/msg/B_Event") == "a/msg/B_Event"
+
+
+@pytest.mark.parametrize(
+    ("definition", "field"),
+    [
+        (f"F[4000000000] a\n{RULE}MSG: odd_msgs/F\n", "a"),
+        (f"uint8 b\nF[65537] a\n{RULE}MSG: odd_msgs/F\nuint8 x\n", "a"),
+        ("string[20000] texts\n", "texts"),
+        ("\n".join(f"F[10000] f{n}" for n in range(7)) + f"\n{RULE}MSG: odd_msgs/F\nuint8 x\n", "f6"),
+    ],
+)
+@pytest.mark.parametrize("serialization", ["cdr", "ros1"])
+def test_arrays_that_no_message_holds_are_refused(definition: str, field: str, serialization: str) -> None:
+    vast = channel("odd_msgs/msg/Vast", definition)._replace(serialization=serialization)
+    with pytest.raises(TraceError, match=f"the field `{field}` of odd_msgs/msg/Vast has .* which no message of ROS"):
+        types_of(vast, KNOWN)
+
+
+def test_so_are_parts_of_ros_1_that_take_no_bytes_however_deep_they_are() -> None:
+    parts = [f"MSG: odd_msgs/T{n}\nT{n + 1}[1000] a\n" for n in range(3)]
+    text = RULE.join(["T0 a\n", *parts, "MSG: odd_msgs/T3\n"])
+    vast = channel("odd_msgs/msg/Vast", text, "ros1msg")._replace(serialization="ros1")
+    with pytest.raises(TraceError, match="odd_msgs/msg/Vast: has more than 65536 parts without a byte"):
+        types_of(vast, KNOWN)
+    types_of(vast._replace(definition=f"{text}uint8 b\n"), KNOWN)  # by the bytes of a message these end
+
+
+def test_large_arrays_are_read() -> None:
+    text = f"F[300] a\nuint8[4000000] image\n{RULE}MSG: odd_msgs/F\nuint8[100] x\n"
+    types = types_of(channel("odd_msgs/msg/Large", text), KNOWN)
+    message = read_cdr(types, b"\0\1\0\0" + bytes(30_000 + 4_000_000), "odd_msgs/msg/Large")
+    assert (len(message.a), len(message.image)) == (300, 4_000_000)
