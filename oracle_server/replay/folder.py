@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -21,7 +20,7 @@ from oracle_server.replay.mcapfile import MAGIC as MCAP
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.ros1file import MAGIC as ROS1
 from oracle_server.replay.ros1file import Ros1File
-from oracle_server.replay.scratch import let_go, unpacking
+from oracle_server.replay.scratch import let_go, unpacking, write
 from oracle_server.replay.sqlitefile import MAGIC as SQLITE
 from oracle_server.replay.sqlitefile import SqliteFile
 from oracle_server.replay.storage import Storage
@@ -136,11 +135,11 @@ def _promised(information: dict[str, Any]) -> Iterator[tuple[str, int]]:
 
 
 def _unpack(path: Path, plain: Path) -> list[str]:
-    """Decompress a file; returns what was wrong with it. Raises `TraceError` where nothing comes out."""
+    """Decompress a file; returns what was wrong with it. Raises `TraceError` where nothing does, and `NoRoomError`."""
     try:
-        with path.open("rb") as packed, plain.open("wb") as out:
+        with path.open("rb") as packed:
             reader = zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(packed, read_across_frames=True)
-            shutil.copyfileobj(reader, out)
+            write(reader, plain, path)
         with path.open("rb") as packed:
             size = zstandard.frame_content_size(packed.read(18))
     except zstandard.ZstdError:

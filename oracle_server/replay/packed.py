@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import tarfile
 from pathlib import Path, PurePosixPath
 
 from oracle_server.core.errors import TraceError
+from oracle_server.replay.scratch import write
 
 HEAD = 512
 """Bytes by which a packed folder is known."""
@@ -45,8 +45,7 @@ def _write(packed: tarfile.TarFile, member: tarfile.TarInfo, path: Path, to: Pat
     if source is None:
         return
     try:
-        with to.open("xb") as file:
-            shutil.copyfileobj(source, file)
+        write(source, to, path)
     except FileExistsError:
         raise TraceError(f"{path}: has two files of the name {to.name}; pack one bag alone") from None
     if to.stat().st_size < member.size:

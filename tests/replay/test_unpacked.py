@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,10 +16,11 @@ import pytest
 import zstandard
 from rosbags.rosbag2 import StoragePlugin
 
+from oracle_server.replay import scratch
 from oracle_server.replay.many.judging import Task, Unit
 from oracle_server.replay.many.workers import Workers
 from tests.processes import PATIENCE, ROOT
-from tests.replay.judging import write_numbers, write_spec
+from tests.replay.judging import judge, write_numbers, write_spec
 from tests.replay.many.recordings import question
 
 SPEC = """
@@ -118,4 +120,18 @@ def test_of_a_process_that_is_killed_who_started_it_deletes_what_it_has_unpacked
     said = list(Workers(asked, 1, None).run([Task(0, Deadly(packed(tmp_path, "mcap")), (0,))]))
     (row,) = next(one.rows for one in said if isinstance(one, Unit))
     assert "was killed" in (row.error or "")
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_small_file_does_not_fill_the_disk(temporary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(scratch, "RESERVE", 2**24)
+    full = shutil.disk_usage(temporary)._replace(free=2**24 - 1)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: full)
+    spec, small = write_spec(tmp_path, SPEC), packed(tmp_path, "mcap")
+    assert judge(spec, small).summary["events"] == 20  # what is smaller than what is left free is always read
+    vast = tmp_path / "vast.mcap.zstd"
+    vast.write_bytes(zstandard.compress(small.read_bytes()) + zstandard.compress(bytes(2**26)) * 10)
+    with pytest.raises(scratch.NoRoomError, match=r"vast.*: unpacks to more than .*: 17 MiB, and 16 MiB .* left free"):
+        judge(spec, vast)
     assert list(temporary.iterdir()) == []
