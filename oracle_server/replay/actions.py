@@ -72,9 +72,10 @@ class ActionSource:
             self._action.passed.add(_hex(message.request[0].goal_id))
         self._action.passed_known = True
 
-    def items(self, raw: bytes) -> list[Item]:
-        """The events that a message is. Raises whatever decoding raises."""
-        return list(self._make(self._decode(raw, self._type)))
+    def items(self, raw: bytes, published: Callable[[], int | None]) -> list[Item]:
+        """The events that a message is, `published` (ns) where they do not say. Raises whatever decoding raises."""
+        found = self._make(self._decode(raw, self._type))
+        return [item if item.stamp is not None else item._replace(stamp=published()) for item in found]
 
     def _by_port(self) -> Mapping[str, Callable[[Any], Iterator[Item]]]:
         return {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 from oracle_server.core.errors import TraceError, one_line
@@ -17,6 +18,7 @@ from oracle_server.replay.bagnotes import notes_of
 from oracle_server.replay.folder import METADATA, Files, files_of, open_storage
 from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
+from oracle_server.replay.published import Published
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
 from oracle_server.replay.scratch import let_go, unpacking
@@ -50,6 +52,7 @@ class Bag:
         self.notes: list[Note] = []
         self.read = self.size = self.since = self.until = self.lost = 0
         self._plan, self._types = plan(spec), typestore(types)
+        self._published = Published(spec.ordering.max_skew)
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
         self._sources: dict[Channel, _AnySource] = {}
@@ -70,7 +73,7 @@ class Bag:
                 self.since = _oldest(storages)
                 yield from self._events(storages, sources)
                 self.until = _newest(storages)
-                self.notes += notes_of(self._topics.values(), files, storages)
+                self.notes += [*notes_of(self._topics.values(), files, storages), *self._published.notes()]
         except TraceError as error:
             text = one_line(str(error).replace(f"{place}", str(self.path)))
             raise TraceError(text if text.startswith(str(self.path)) else f"{self.path}: {text}") from None
@@ -176,7 +179,7 @@ class Bag:
         sources: Sequence[dict[int, _AnySource]],
         look: Callable[[_AnySource, int, bytes], None],
     ) -> None:
-        for source, time, raw in together(storages, sources, lambda: None):
+        for source, time, raw, _ in together(storages, sources, lambda: None):
             try:
                 look(source, time, raw)
             except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
@@ -185,10 +188,10 @@ class Bag:
     def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> Iterator[Recorded]:
         now = seq = 0
         wanted = [{n: s for n, s in own.items() if s.topic.role is not None} for own in sources]
-        for source, time, raw in together(storages, wanted, self._note_gap):
+        for source, time, raw, told in together(storages, wanted, self._note_gap):
             self.read += 1
             try:
-                items = self._items(source, raw)
+                items = self._items(source, raw, partial(self._published.of, source.topic.name, time, told))
             except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
                 source.topic.note_unreadable(_reason(error))
                 self._note_gap()
@@ -201,9 +204,9 @@ class Bag:
     def _note_gap(self) -> None:
         self.lost += 1
 
-    def _items(self, source: _AnySource, raw: bytes) -> list[Item]:
+    def _items(self, source: _AnySource, raw: bytes, published: Callable[[], int | None]) -> list[Item]:
         source.topic.seen += 1
-        return source.items(raw)
+        return source.items(raw, published)
 
 
 def _unpacked(path: Path, stack: ExitStack) -> Path:

@@ -93,7 +93,7 @@ class McapFile(InBlocks):
             self.damages.append(f"ends early, in the record at byte {position} of {size}")
         missing = channels is None or channels > len(self._channels) or self._lacks_schemas
         if not ended or missing or self._counts is None:
-            read = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
+            read = Counter(number for block in self._blocks for number, *_ in self._in_block(block, None))
             self._counts = read if self._counts is None else self._counts
             del self.damages[0 if ended else 1 :]  # they are found again with the messages
         behind = size - position - len(MAGIC)
@@ -169,13 +169,13 @@ class McapFile(InBlocks):
                 whole = False
                 break
             if kind == _MESSAGE and length >= _MESSAGE_HEAD.size:
-                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(data, at)
+                channel, _, time, published = _MESSAGE_HEAD.unpack_from(data, at)
                 if time > LATEST:
                     self._damaged(block, f"has a message of channel {channel} at {time} ns, which is no time")
                 else:
                     self._heard(time)
                     if wanted is None or channel in wanted:
-                        yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
+                        yield channel, time, data[at + _MESSAGE_HEAD.size : at + length], published
             elif kind in (_SCHEMA, _CHANNEL):
                 self._note(kind, data[at : at + length])
             at += length

@@ -70,7 +70,7 @@ class Ros1File(InBlocks):
         if self._ended_early:
             where = "in the record at byte" if position < size else "at byte"
             self.damages.append(f"ends early, {where} {position} of {size}: the bag was not closed")
-            self._counts = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
+            self._counts = Counter(number for block in self._blocks for number, *_ in self._in_block(block, None))
             del self.damages[1:]  # they are found again with the messages
 
     def _record_at(self, position: int) -> tuple[_Fields, int, int]:
@@ -136,7 +136,7 @@ class Ros1File(InBlocks):
                     time = _nanoseconds(*struct.unpack("<II", stamp))
                     self._heard(time)
                     if asked:
-                        yield number, time, data[end - length : end]
+                        yield number, time, data[end - length : end], 0
                 elif kind == _CONNECTION:
                     self._connection(fields, data[end - length : end])
                 at = end

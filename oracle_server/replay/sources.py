@@ -148,12 +148,15 @@ class Source:
         if half is not None and half.kind == "request":
             self._note(time, "request", half.content)
 
-    def items(self, raw: bytes) -> list[Item]:
-        """The event that a message is, if it is one. Raises whatever decoding raises."""
-        item = self._read_one(raw)
+    def items(self, raw: bytes, published: Callable[[], int | None]) -> list[Item]:
+        """The event that a message is, if it is one. Raises whatever decoding raises.
+
+        `published` says when that was (ns) as the file tells it beside the message, None where it does not.
+        """
+        item = self._read_one(raw, published)
         return [] if item is None else [item]
 
-    def _read_one(self, raw: bytes) -> Item | None:
+    def _read_one(self, raw: bytes, published: Callable[[], int | None]) -> Item | None:
         if self.topic.is_service:
             half = self._half(raw)
             return None if half is None else self._of_service(half)
@@ -162,7 +165,9 @@ class Source:
         where = self._plan.spec.by_key[key].stamp
         stamp = stamp_in(data, where)
         if stamp is None:
-            self.topic.note_timeless(stamp_fault(data, where))
+            fault = stamp_fault(data, where)
+            self.topic.note_timeless(fault)
+            stamp = None if fault else published()
         return self._asking(Item(key, stamp, data))
 
     def _half(self, raw: bytes) -> Half | None:

@@ -105,7 +105,7 @@ class SqliteFile:
                 if not isinstance(time, int) or not isinstance(data, bytes):
                     self.damages.append("has a message that can't be read")
                     continue
-                yield number, time, data
+                yield number, time, data, 0
         except sqlite3.Error as error:
             if self._whole:
                 self._ended_early = True

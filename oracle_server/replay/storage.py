@@ -27,8 +27,10 @@ class Channel(NamedTuple):
 
 LATEST = 2**63 - 1
 """The last time that there is (ns since the epoch)."""
-Message = tuple[int, int, bytes]
-"""The id of a channel, the time of recording (ns since the epoch), and the message as it was sent."""
+Message = tuple[int, int, bytes, int]
+"""The id of a channel, the time of recording (ns since the epoch), the message as it was sent, and when that was.
+
+The last is 0 where the file does not tell it."""
 
 
 class Storage(Protocol):

@@ -11,18 +11,19 @@ from typing import TypeVar
 from oracle_server.replay.storage import Storage
 
 _Source = TypeVar("_Source")
-_Head = tuple[int, int, _Source, bytes]
-"""The next message of a file: its time, the number of the file, what its channel has, and the message."""
+_Head = tuple[int, int, _Source, bytes, int]
+"""The next message of a file: its time, the number of the file, what its channel has, the message, and when it was
+published."""
 
 
 def together(
     storages: Sequence[Storage], wanted: Sequence[Mapping[int, _Source]], note_gap: Callable[[], None]
-) -> Iterator[tuple[_Source, int, bytes]]:
+) -> Iterator[tuple[_Source, int, bytes, int]]:
     """The messages of the channels that are `wanted` of each file, each with its time (ns) and what its channel has.
 
-    Of equal times those of the file that is named first come first. A file is read once its first message may be the
-    next one: of files that follow each other one at a time. `note_gap` is called where messages may be missing before
-    the next one.
+    Last is when it was published (ns), 0 where that is not known. Of equal times those of the file that is named first
+    come first. A file is read once its first message may be the next one: of files that follow each other one at a
+    time. `note_gap` is called where messages may be missing before the next one.
     """
     begins = _begins(storages)
     coming = deque(sorted(range(len(storages)), key=begins.__getitem__))
@@ -33,15 +34,15 @@ def together(
             at = coming.popleft()
             _push(heads, at, next(files[at], None))
         if heads:
-            time, at, source, raw = heapq.heappop(heads)
-            yield source, time, raw
+            time, at, source, raw, published = heapq.heappop(heads)
+            yield source, time, raw, published
             _push(heads, at, next(files[at], None))
 
 
-def _push(heads: list[_Head[_Source]], at: int, message: tuple[_Source, int, bytes] | None) -> None:
+def _push(heads: list[_Head[_Source]], at: int, message: tuple[_Source, int, bytes, int] | None) -> None:
     if message is not None:
-        source, time, raw = message
-        heapq.heappush(heads, (time, at, source, raw))
+        source, time, raw, published = message
+        heapq.heappush(heads, (time, at, source, raw, published))
 
 
 def _begins(storages: Sequence[Storage]) -> list[float]:
@@ -55,12 +56,12 @@ def _begins(storages: Sequence[Storage]) -> list[float]:
 
 def _of_file(
     storage: Storage, wanted: Mapping[int, _Source], note_gap: Callable[[], None]
-) -> Iterator[tuple[_Source, int, bytes]]:
+) -> Iterator[tuple[_Source, int, bytes, int]]:
     known = damages = len(storage.damages)
-    for number, time, raw in storage.messages(wanted) if wanted else ():
+    for number, time, raw, published in storage.messages(wanted) if wanted else ():
         if len(storage.damages) > damages:
             damages = len(storage.damages)
             note_gap()
-        yield wanted[number], time, raw
+        yield wanted[number], time, raw, published
     if known or len(storage.damages) > damages:  # what was known before it was read is mostly of its end
         note_gap()

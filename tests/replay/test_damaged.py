@@ -122,7 +122,7 @@ def test_messages_outside_chunks_are_in_their_order_whatever_stands_between_them
         writer.finish()  # type: ignore[no-untyped-call]
     path.write_bytes(path.read_bytes()[: end - 100_000 - cut] if cut else path.read_bytes())
     file = McapFile(path)
-    times = [at for _, at, _ in file.messages({found, other})]
+    times = [at for _, at, *_ in file.messages({found, other})]
     assert (file.oldest, file.newest) == (BASE, times[-1])
     file.close()
     assert times == sorted(times)

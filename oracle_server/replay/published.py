@@ -1,0 +1,43 @@
+"""When the messages of a file were published, where it has that beside the times of their recording, as MCAP has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from oracle_server.core.spec import SECOND
+from oracle_server.core.units import counted
+from oracle_server.replay.recording import Note
+
+_DAY = 86_400 * SECOND
+"""For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
+
+
+class Published:
+    """Takes a message's time of publication for what it is, or not; `max_skew` (ns) is how far it may lie ahead."""
+
+    def __init__(self, max_skew: int) -> None:
+        self._max_skew = max_skew
+        self._others = 0
+        self._newest: dict[str, int] = {}
+        """By topic."""
+
+    def of(self, topic: str, recorded: int, published: int) -> int | None:
+        """When a message was published (ns); None where nothing but the time of its recording is known of that.
+
+        By the format both are the same where the former is not known; some writers have 0 then. Who published it is not
+        told: one that was published before another one of its topic that came earlier stands at the time of that, and
+        never behind its own recording, as nothing older is waited for on a topic.
+        """
+        if published in (0, recorded):
+            return None
+        if recorded - _DAY <= published <= recorded + self._max_skew:
+            newest = self._newest[topic] = max(published, self._newest.get(topic, 0))
+            return published if published == newest else min(newest, max(published, recorded))
+        self._others += 1
+        return None
+
+    def notes(self) -> Iterator[Note]:
+        """What is to be said of those that were not taken."""
+        if self._others:
+            what = f"{counted(self._others, 'message')} of which the publish time is needed"
+            yield Note(f"{what}: it is by another clock than that of the recording, and arrivals count instead")
