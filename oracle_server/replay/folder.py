@@ -67,7 +67,13 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
         folder = stack.enter_context(unpacking())
         plain = folder / path.name.removesuffix(".zstd")
         damage = _unpack(path, plain)
-        storage = open_storage(plain, stack)
+        if begins_as(plain) is None or is_trace(plain):
+            what = "is compressed, and holds no file of a bag"
+            raise TraceError(f"{path}: {what}: decompress it (`zstd -d {path.name}`), and judge what comes out")
+        try:
+            storage = open_storage(plain, stack)
+        except TraceError as error:
+            raise TraceError(str(error).replace(str(plain), str(path))) from None
         storage.damages += damage
         let_go(folder)
         return storage

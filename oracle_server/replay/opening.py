@@ -13,6 +13,8 @@ from oracle_server.replay.recording import Recording
 
 _HEAD = 4096
 _OF_SPECS = frozenset({".yaml", ".yml"})
+_COMPRESSED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\x04\x22\x4d\x18": "lz4", b"\xfd7zXZ\0": "xz", b"PK\3\4": "zip"}
+"""How files begin that programs other than zstd have made, which compresses those of ROS 2."""
 _MARK = b"\xef\xbb\xbf"
 """How some editors begin a file of UTF-8."""
 
@@ -85,4 +87,7 @@ def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> R
         return Bag(path, spec, types)
     if not head:
         raise TraceError(f"{path}: is empty")
+    program = next((name for mark, name in _COMPRESSED.items() if head.startswith(mark)), None)
+    if program is not None:
+        raise TraceError(f"{path}: is compressed by {program}, which is not read: decompress it first")
     raise TraceError(f"{path}: is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines")

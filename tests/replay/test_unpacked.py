@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import shutil
 import signal
@@ -16,6 +17,7 @@ import pytest
 import zstandard
 from rosbags.rosbag2 import StoragePlugin
 
+from oracle_server.core.errors import TraceError
 from oracle_server.replay import scratch
 from oracle_server.replay.many.judging import Task, Unit
 from oracle_server.replay.many.workers import Workers
@@ -135,3 +137,26 @@ def test_a_small_file_does_not_fill_the_disk(temporary: Path, tmp_path: Path, mo
     with pytest.raises(scratch.NoRoomError, match=r"vast.*: unpacks to more than .*: 17 MiB, and 16 MiB .* left free"):
         judge(spec, vast)
     assert list(temporary.iterdir()) == []
+
+
+def test_what_is_compressed_and_no_bag_is_told_by_its_own_name(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    for name, content in (("z.jsonl.zst", b'{"topic": "/x", "time": 1}\n'), ("bag.tar.zst", bytes(1024))):
+        path = tmp_path / name
+        path.write_bytes(zstandard.compress(content))
+        with pytest.raises(TraceError) as refused:
+            judge(spec, path)
+        what = f"is compressed, and holds no file of a bag: decompress it (`zstd -d {name}`), and judge what comes out"
+        assert str(refused.value) == f"{path}: {what}"
+    broken = tmp_path / "broken.db3.zst"
+    broken.write_bytes(zstandard.compress(b"SQLite format 3\0" + bytes(100)))
+    with pytest.raises(TraceError) as refused:
+        judge(spec, broken)
+    assert str(refused.value).startswith(f"{broken}: can't be read as a bag in sqlite3")
+
+
+def test_what_other_programs_have_compressed_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "z.jsonl.gz"
+    path.write_bytes(gzip.compress(b'{"topic": "/x", "time": 1}\n'))
+    with pytest.raises(TraceError, match="is compressed by gzip, which is not read: decompress it first"):
+        judge(write_spec(tmp_path, SPEC), path)
