@@ -6,11 +6,15 @@ What else they read is gone by then, or they are judged at messages alone.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
+from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import turned
+from oracle_server.core.derived.arithmetic import Arithmetic
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.lacking import lacking
+from oracle_server.core.derived.samples import Lack
+from oracle_server.core.derived.window import Session
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import (
@@ -20,7 +24,10 @@ from oracle_server.core.formula.tree import (
     Forall,
     Formula,
     Implies,
+    Limit,
     Not,
+    Ref,
+    Scalar,
     Signal,
     children,
 )
@@ -111,27 +118,37 @@ def _why_at_messages(spec: Spec, prop: Property, reads: Iterable[Definition]) ->
 
 
 def _why_computed(spec: Spec, prop: Property) -> str:
-    """Why a property over what is computed of a rate or count is judged at messages alone; empty for all others."""
+    """Why a property that silence would violate by what is computed of a rate or count is judged at messages alone."""
     if prop.guards or prop.engine == "reelay" or (prop.time == "steps" and prop.time_given):
         return ""
-    fading = {each.name: each for each in spec.derive if each.op in _MORE and each.timed}
-    sources = {name: name for name in fading}
-    for each in spec.derive:
-        of = [sources[name] for name in each.operands if name in sources] if each.op == "expression" else []
-        if of:
-            sources[each.name] = of[0]
-    keys = {by for each in fading.values() for by in each.by}
-    quiet = without_signals(lasting(spec, keys))
+    fading = [each for each in spec.derive if each.op in _MORE and each.timed]
+    quiet = without_signals(lasting(spec, {by for each in fading for by in each.by}))
     if present(prop.formula, quiet) is True:
         return ""
-    compared = [c for atom in prop.atoms if quiet(atom) is not False for c in atom.constraints if c.value != Any.ANY]
-    computed = next((c.key for c in compared if c.key in sources and c.key not in fading), None)
-    if computed is None:
-        return ""
-    return (
-        f"`{computed}` is computed of `{sources[computed]}`, which changes while no message comes, and an expression "
-        f"has no deadlines; compare `{sources[computed]}` itself, with `time: seconds`"
-    )
+    computed = _in_silence(spec, [each.name for each in fading])
+    for atom, wanted in _signed(prop.formula):
+        for c in atom.constraints if quiet(atom) is not False else ():
+            if c.key in computed and not isinstance(c.value, Any | Ref | Signal | Limit):
+                value, of = computed[c.key]
+                if meets(c, value) is not wanted:
+                    return (
+                        f"`{c.key}` is computed of `{of}`, which changes while no message comes, and an expression has "
+                        f"no deadlines; compare `{of}` itself, with `time: seconds`"
+                    )
+    return ""
+
+
+def _in_silence(spec: Spec, fading: Sequence[str]) -> dict[str, tuple[Scalar, str]]:
+    """What is computed of signals that `fading` to 0 alone, by its name: its value then, and one of these signals."""
+    values: dict[str, Scalar] = dict.fromkeys(fading, 0)
+    sources = {name: name for name in fading}
+    session = Session()
+    for each in spec.derive:
+        of = [sources[name] for name in each.operands if name in sources] if each.op == "expression" else []
+        value = Arithmetic(each, session).value(0, 0, values, ()) if of else None
+        if value is not None and not isinstance(value, Lack):
+            values[each.name], sources[each.name] = value, of[0]
+    return {name: (values[name], of) for name, of in sources.items() if name not in fading}
 
 
 def _at_steps(formula: Formula) -> Formula | None:

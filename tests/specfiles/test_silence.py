@@ -25,6 +25,8 @@ derive:
   last_ten: {{count: '{{topic: /scan}}', over: 10}}
   per_minute: often * 60
   few: per_minute < 300
+  share: lately / (last_ten + 1)
+  part: lately / (often + 1)
 properties:
   - id: others
     formula: '{{topic: /odom}} -> {{idle: *, often: *}} or {{lately: *, last_ten: *}}'
@@ -68,6 +70,8 @@ def test_one_that_counts_steps_is_judged_at_messages_alone(prop: str, what: str)
         ("formula: 'not {per_minute < 300}'", "per_minute"),
         ("formula: '{mode: AUTO} -> not {few}'", "few"),
         ("pattern: 'always not {few}'", "few"),
+        ("formula: '{per_minute != 0}'", "per_minute"),
+        ("formula: '{few} -> {mode: STOP}'", "few"),
     ],
 )
 def test_what_is_computed_of_a_rate_has_no_deadline(prop: str, what: str, time: str) -> None:
@@ -105,6 +109,10 @@ def test_a_pattern_that_is_about_messages_is_told_to_be_written_with_always(prop
         "formula: '{lately <= 2}'",
         "formula: 'not {last_ten < 3}'",  # time does not change it
         "formula: 'first -> eventually[:5] {idle < 1}'",
+        "formula: 'not {per_minute > 3000}'",
+        "formula: '{per_minute > 3000} -> {mode: FAST}', time: seconds",
+        "pattern: 'always {few: *} and {part < 3}'",
+        "formula: 'not {share < 1}'",  # silence alone does not tell what it comes to
         "pattern: '/scan every 2s'",
         "pattern: '/scan at least 3 Hz over 2s'",
     ],
