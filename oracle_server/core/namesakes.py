@@ -18,11 +18,16 @@ _BOOLEANS = "a Boolean is written `{value}`"
 _NOTHING = "a field without a value makes its signal absent, which no atom is true of: write `not {{{key}: *}}`"
 _FINITE = "a signal is never NaN or infinite, since it then fails, and what reads it is unknown"
 _MEANT: Mapping[str, tuple[str, frozenset[ValueKind]]] = {
-    **dict.fromkeys(("true", "false"), (_BOOLEANS, frozenset({"boolean"}))),
-    **dict.fromkeys(("none", "null", "nil"), (_NOTHING, frozenset({"boolean", "number"}))),
-    **dict.fromkeys(("nan", "inf", "infinity"), (_FINITE, frozenset({"number"}))),
+    **dict.fromkeys(("True", "TRUE", "False", "FALSE"), (_BOOLEANS, frozenset({"boolean"}))),
+    **dict.fromkeys(("None", "null", "Null", "NULL", "nil"), (_NOTHING, frozenset({"boolean", "number"}))),
+    **dict.fromkeys(
+        ("nan", "NaN", "NAN", "inf", "Inf", "INF", "infinity", "Infinity"), (_FINITE, frozenset({"number"}))
+    ),
 }
-"""Words that other languages have for values, with what is said of them, of a signal that may be of some kinds."""
+"""Words that other languages have for values, with what is said of them, of a signal that may be of some kinds.
+
+`NONE` and `none` are texts in robots' messages, as of a fault.
+"""
 
 
 def namesakes(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
@@ -68,12 +73,12 @@ def namesake(atom: Atom, names: Set[str], where: Sequence[Place]) -> Iterator[st
 
 
 def _is_doubtful(value: object, names: Set[str]) -> bool:
-    return isinstance(value, str) and (value in names or value.lower() in _MEANT)
+    return isinstance(value, str) and (value in names or value in _MEANT)
 
 
 def _foreign(constraint: Constraint, word: str, found: Range) -> Iterator[str]:
     """What is said of another language's word for a value, where the signal may be a text and may have it."""
-    told, kinds = _MEANT[word.lower()]
+    told, kinds = _MEANT[word]
     if is_signal(word) and "text" in found.kinds and found.kinds & kinds:
         mend = told.format(key=constraint.key, value=word.lower())
         what = f'`{_written(constraint)}` asks for the text "{word}"'

@@ -65,6 +65,8 @@ def test_a_word_for_a_value_of_another_language_is_told_of(formula: str, atom: s
     [
         'not {mode: "True"}',
         "not {topic: /state, state: None}",  # a text alone
+        "{mode: NONE} -> {speed: 0}",  # so robots call it
+        "not {topic: /odom, mode: none}",
         "{topic: /odom} -> {speed: true}",
         '{topic: /odom} -> {speed == "limit"}',  # in quotes it is meant
         "{topic: /odom} -> {mode: high}",
