@@ -26,28 +26,27 @@ def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage])
                 Note(f"{path.name}: {counted(len(damages) - _MOST, 'more part')} could not be read", doubt=True)
             )
     for topic in topics:
-        found += _types(topic)
         found += _of_topic(topic)
     return found
 
 
-def _types(topic: Topic) -> Iterator[Note]:
-    """Messages of another type than the spec's; or where it says none, of several."""
+def of_channels(topic: Topic) -> Iterator[Note]:
+    """What is to be said of a topic before it is read: of channels that are not, or are of several types."""
+    name = topic.role.streams[0].name if topic.role else ""
+    if topic.refused:
+        yield Note(one_line(topic.refused), unusable=True, unread=name)
     if not topic.wanted and len(topic.types) > 1:
         names = ", ".join(sorted(topic.types))
         yield Note(one_line(f"{topic.name}: has messages of {len(topic.types)} types: {names}"), doubt=True)
-    for name, count in topic.types.items() if topic.wanted else ():
-        if name != topic.wanted:
+    for type_, count in topic.types.items() if topic.wanted else ():
+        if type_ != topic.wanted:
             which = part_of(count, sum(topic.types.values())) if count else "some of its messages are"
-            type_ = f"the type {name}" if name else "a type that the recording does not tell"
-            what = f"{topic.name}: {which} of {type_}, and the spec says {topic.wanted}"
-            yield Note(one_line(f"{what}: such a message was not judged"), unusable=True)
+            what = f"the type {type_}" if type_ else "a type that the recording does not tell"
+            text = f"{topic.name}: {which} of {what}, and the spec says {topic.wanted}: such a message was not judged"
+            yield Note(one_line(text), unusable=True, unread=name)
 
 
 def _of_topic(topic: Topic) -> Iterator[Note]:
-    if topic.refused:
-        name = topic.role.streams[0].name if topic.role else ""
-        yield Note(one_line(topic.refused), unusable=True, unread=name)
     if topic.role is None:
         if topic.gives is not None and topic.gives.others:
             yield passed_beside(topic.name, topic.gives.others)

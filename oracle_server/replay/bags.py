@@ -14,7 +14,7 @@ from oracle_server.core.plan import plan
 from oracle_server.core.spec import Spec
 from oracle_server.replay.actionroles import add_actions
 from oracle_server.replay.actions import Action, ActionSource
-from oracle_server.replay.bagnotes import notes_of
+from oracle_server.replay.bagnotes import notes_of, of_channels
 from oracle_server.replay.folder import METADATA, Files, files_of, open_storage
 from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
@@ -132,6 +132,8 @@ class Bag:
         refused = next((topic.refused for topic in self._topics.values() if topic.refused), "")
         if refused and not any(sources):
             raise TraceError(refused)
+        for topic in self._topics.values():
+            self.notes += of_channels(topic)
         return sources
 
     def _source(self, channel: Channel) -> _AnySource | None:
@@ -139,7 +141,7 @@ class Bag:
             return None
         topic = self._topics[channel.topic]
         if not topic.takes(channel):
-            topic.promised -= channel.promised or 0
+            topic.leave_out(channel)
             return None
         alike = channel._replace(id=0, promised=None)
         try:
@@ -152,7 +154,7 @@ class Bag:
             why = f"{channel.topic}: its messages can't be read as {channel.type}: {_reason(error)}"
         if channel.promised != 0:
             topic.refused = topic.refused or why
-            topic.promised -= channel.promised or 0
+            topic.leave_out(channel)
         return None
 
     def _new_source(self, channel: Channel, topic: Topic) -> _AnySource:
@@ -182,8 +184,8 @@ class Bag:
         for source, time, raw, _ in together(storages, sources, lambda: None):
             try:
                 look(source, time, raw)
-            except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
-                continue
+            except Exception:  # noqa: BLE001 -- it is told of when it is read
+                source.topic.note_unseen(time)
 
     def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> Iterator[Recorded]:
         now = seq = 0

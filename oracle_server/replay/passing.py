@@ -27,11 +27,11 @@ class Filter:
         self._taken = 0
 
     def asked(self, time: int, content: bytes | None) -> None:
-        """Note an attempt; its content is None where it was not recorded. Attempts come by time."""
+        """Note an attempt; its content is None where it is not known. Attempts come by time."""
         self._asked.append((time, _digest(content)))
 
     def gave(self, time: int, content: bytes | None) -> None:
-        """Note what passed, by time."""
+        """Note what passed, by time; its content is None where it is not known."""
         self._given.append((time, _digest(content)))
 
     def settle(self) -> None:

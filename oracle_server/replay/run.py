@@ -147,6 +147,9 @@ class Replay:
         session = self._session = self._open(since if first.begun is None else first.begun)
         if session.asking is not None:
             self._oracles = OfflineOracles(session)
+        unread = frozenset[int]().union(*(self.readers(note.unread) for note in self.recording.notes))
+        for judge in session.judges.values():  # their verdicts may be wrong for want of what can't be read
+            judge.bypass(unread)
         if first.event.lost:
             session.note_loss()
         for judged in _meanwhile(session, arrived):  # it may go on for long before an event that the spec observes

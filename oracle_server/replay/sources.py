@@ -108,6 +108,19 @@ class Topic:
             self.types[name] = self.types.get(name, 0) + (channel.promised or 0)
         return not self.wanted or name == self.wanted
 
+    def leave_out(self, channel: Channel) -> None:
+        """Note that the messages of a channel are not read."""
+        self.promised -= channel.promised or 0
+        if channel.promised != 0:
+            self.note_unseen(0)
+
+    def note_unseen(self, time: int) -> None:
+        """Note that what was asked at a time (ns), or passed then, is not known."""
+        if self.asked is not None:
+            self.asked.asked(time, None)
+        if self.gives is not None:
+            self.gives.gave(time, None)
+
     def note_unreadable(self, why: str) -> None:
         """Note that a message could not be decoded."""
         self.why = self.why or why

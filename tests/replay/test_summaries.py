@@ -82,6 +82,30 @@ def test_what_passed_a_filter_and_is_not_read_is_told(tmp_path: Path) -> None:
     """
     found = judge(write_spec(tmp_path, text), path)
     assert (found.exit, "/b: its messages are in 'json', which is not read" in found.said) == (2, True)
+    assert [(row["decision"], row["passed"]) for row in found.rows] == [("allow", None)] * 5, "what passed is not known"
+
+
+INTEGER = ("std_msgs/msg/Int32", "ros2msg", b"int32 data\n", "cdr")
+
+
+@pytest.mark.parametrize("other", [("std_msgs/msg/Float64", "jsonschema", b"{}", "json"), INTEGER])
+def test_what_is_missed_on_a_topic_that_is_not_read_is_degraded(other: Channel, tmp_path: Path) -> None:
+    """A deadline runs out without what is there and can't be read; of what does not read it nothing is degraded."""
+    path = write(tmp_path / "x.mcap", other, b"\x00\x01\x00\x00\x63\x00\x00\x00")
+    text = """
+    id: two
+    streams: [{topic: /a, signals: {a: msg.data}}, {topic: /b, type: std_msgs/msg/Float64, signals: {b: msg.data}}]
+    properties:
+      - {id: low, formula: 'not {a > 0.5}'}
+      - {id: caused, pattern: '/a causes /b within 1ms'}
+      - {id: none, pattern: 'no /b'}
+    """
+    found = judge(write_spec(tmp_path, text), path)
+    assert found.summary["properties"]["caused"]["violations"] == 3
+    assert {(row["property"], row["degraded"]) for row in found.rows} == {
+        ("low", False), ("caused", True), ("none", True),
+    }  # fmt: skip
+    assert [row["property"] for row in found.summary["unjudged"]] == ["none"]
 
 
 def test_what_is_not_read_on_one_topic_keeps_no_other_from_being_judged(tmp_path: Path) -> None:
