@@ -237,7 +237,7 @@ def read_cdr(types: Typestore, raw: bytes, name: str) -> Any:
     compressed: rosbag2 does so by its metadata alone, and no message begins as these do.
     """
     if raw.startswith(ZSTD):
-        raw = zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
+        raw = _decompressed(raw)
     if len(raw) < _HEADING or raw[:2] not in _ORDERS:
         raise ValueError(f"it is no CDR that is read: it begins with the bytes {raw[:2].hex(' ')}")
     known = types.get_msgdef(name)
@@ -247,6 +247,13 @@ def read_cdr(types: Typestore, raw: bytes, name: str) -> Any:
     decode = known.deserialize_cdr_le if raw[1] else known.deserialize_cdr_be
     message, _ = decode(raw[_HEADING:], 0, known.cls, types)
     return message
+
+
+def _decompressed(raw: bytes) -> bytes:
+    """What zstd has compressed. Raises ValueError where it is too large, and `ZstdError`."""
+    if zstandard.frame_content_size(raw) > _LARGEST:  # else all that it says is made, whatever the most may be
+        raise ValueError(f"it is compressed, and has more than {_LARGEST} bytes")
+    return zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
 
 
 def read_fields(ready: Plan, key: StreamKey) -> frozenset[str] | None:

@@ -125,6 +125,18 @@ def test_messages_that_are_compressed_one_by_one_are_read_without_the_metadata_t
     assert [row["step"] for row in found.rows if row["violation"]] == [10]
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_a_compressed_message_that_is_too_large_is_not_made(
+    told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some kilobytes may say that they are of many gigabytes, or be it without a word."""
+    monkeypatch.setattr("oracle_server.replay.sources._LARGEST", 10_000)
+    compress = zstandard.ZstdCompressor(write_content_size=told).compress
+    found = of_arm(tmp_path, [compress(joints(0.5)), compress(joints(0.9) + bytes(20_000))])
+    (unjudged,) = found.summary["unjudged"]
+    assert (found.exit, "1 of its 2 messages could not be read: " in unjudged["reason"]) == (3, True)
+
+
 def test_a_message_of_ros1_that_begins_as_what_is_compressed_is_read_as_it_stands(tmp_path: Path) -> None:
     schema = ("std_msgs/UInt32", "ros1msg", b"uint32 data\n")
     path = write(tmp_path / "x.mcap", "/x", [ZSTD], schema=schema, how="ros1")
