@@ -10,13 +10,13 @@ from types import MappingProxyType
 from typing import Any
 
 from oracle_server.core.events import Event, Step, StreamKey
-from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.formula.tree import Bound, Next, Pre, Scalar, walk
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.session import Session
-from oracle_server.core.spec import By, Spec, orders
+from oracle_server.core.spec import By, Property, Spec, orders
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged
@@ -147,7 +147,8 @@ class Replay:
         session = self._session = self._open(since if first.begun is None else first.begun)
         if session.asking is not None:
             self._oracles = OfflineOracles(session)
-        unread = frozenset[int]().union(*(self.readers(note.unread) for note in self.recording.notes))
+        counting = {i for i, prop in enumerate(self.spec.properties) if _counts_steps(prop)}
+        unread = frozenset[int]().union(*(self.readers(n.unread) | counting for n in self.recording.notes if n.unread))
         for judge in session.judges.values():  # their verdicts may be wrong for want of what can't be read
             judge.bypass(unread)
         if first.event.lost:
@@ -338,6 +339,18 @@ def changeable(session: Session) -> Set[int] | None:
             judge.forget()
             kept.update(row.position for row in judge.keeping)
     return kept
+
+
+def _counts_steps(prop: Property) -> bool:
+    """Whether a verdict depends on how many steps there are, of whatever stream."""
+    if prop.external or prop.numeric:
+        return prop.time == "steps"
+    for node in walk(prop.formula):
+        bound: Bound | None = getattr(node, "bound", None)
+        steps = prop.time == "steps" and bound is not None and (bound.lower > 0 or bound.upper is not None)
+        if steps or isinstance(node, Pre | Next):
+            return True
+    return False
 
 
 def _meanwhile(session: Session, until: int) -> Iterator[list[Judged]]:

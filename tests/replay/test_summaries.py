@@ -99,11 +99,13 @@ def test_what_is_missed_on_a_topic_that_is_not_read_is_degraded(other: Channel, 
       - {id: low, formula: 'not {a > 0.5}'}
       - {id: caused, pattern: '/a causes /b within 1ms'}
       - {id: none, pattern: 'no /b'}
+      - {id: turns, formula: '{a: *} -> not pre {a: *}'}
+      - {id: second, formula: '{a: *} -> not once[1:1] {a: *}'}
     """
     found = judge(write_spec(tmp_path, text), path)
     assert found.summary["properties"]["caused"]["violations"] == 3
     assert {(row["property"], row["degraded"]) for row in found.rows} == {
-        ("low", False), ("caused", True), ("none", True),
+        ("low", False), ("caused", True), ("none", True), ("turns", True), ("second", True),
     }  # fmt: skip
     assert [row["property"] for row in found.summary["unjudged"]] == ["none"]
 
