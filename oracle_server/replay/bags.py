@@ -52,7 +52,7 @@ class Bag:
         self.notes: list[Note] = []
         self.read = self.size = self.since = self.until = self.lost = 0
         self._plan, self._types = plan(spec), typestore(types)
-        self._published = Published(spec.ordering.max_skew)
+        self._published = Published(spec.ordering.max_skew, spec.ordering.max_delay)
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
         self._sources: dict[Channel, _AnySource] = {}
@@ -70,7 +70,7 @@ class Bag:
                     let_go(place)
                 sources = self._prepare(files, storages)
                 self._survey(storages, sources)
-                self.since = _oldest(storages)
+                self.since = self._published.since = _oldest(storages)
                 yield from self._events(storages, sources)
                 self.until = _newest(storages)
                 self.notes += [*notes_of(self._topics.values(), files, storages), *self._published.notes()]

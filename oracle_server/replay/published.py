@@ -15,8 +15,10 @@ _DAY = 86_400 * SECOND
 class Published:
     """Takes a message's time of publication for what it is, or not; `max_skew` (ns) is how far it may lie ahead."""
 
-    def __init__(self, max_skew: int) -> None:
-        self._max_skew = max_skew
+    def __init__(self, max_skew: int, max_delay: int | None) -> None:
+        self.since = 0
+        """When the recording began (ns): what was published more than `max_delay` (ns) before that was kept for it."""
+        self._max_skew, self._max_delay = max_skew, max_delay or 0
         self._others = 0
         self._newest: dict[str, int] = {}
         """By topic."""
@@ -31,6 +33,8 @@ class Published:
         if published in (0, recorded):
             return None
         if recorded - _DAY <= published <= recorded + self._max_skew:
+            if published < self.since - self._max_delay:  # nobody recorded then what would have answered it
+                return None
             newest = self._newest[topic] = max(published, self._newest.get(topic, 0))
             return published if published == newest else min(newest, max(published, recorded))
         self._others += 1

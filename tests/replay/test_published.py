@@ -85,6 +85,25 @@ def test_a_field_of_the_message_comes_first(tmp_path: Path) -> None:
     assert stamps(tmp_path, told, named) == [200, (10**9 - BASE) // MS]
 
 
+LASTING = (
+    SPEC.partition("properties")[0]
+    + """
+derive: {rate: {rate: '{topic: "/answer"}', over: 1s}}
+properties:
+  - {id: often, time: seconds, formula: 'not {rate < 5}'}
+  - {id: answered, time: seconds, formula: '{topic: "/order"} -> eventually[:2s] {topic: "/answer"}'}
+  - {id: every, pattern: '/answer every 1s'}
+"""
+)
+
+
+def test_what_was_kept_since_before_the_recording_stands_where_it_came(tmp_path: Path) -> None:
+    """Else all that nobody recorded would be missing in that hour."""
+    answers = [("/answer", at + 1, at) for at in range(0, 5000, 100)]
+    assert judged(tmp_path, [("/order", 0, -3_600_000), *answers], LASTING).exit == 0
+    assert stamps(tmp_path, [("/order", 0, -501), ("/order", 1, -499)]) == [None, -499]
+
+
 def test_of_several_publishers_of_a_topic_none_is_late(tmp_path: Path) -> None:
     told = [("/order", at + slow, at) for at in range(0, 100, 10) for slow in (1, 12)]
     told = sorted(told, key=lambda one: one[1])
