@@ -38,3 +38,20 @@ def test_it_is_told_with_what_it_is_called_here(tmp_path: Path) -> None:
         )
         peer.publisher(msg.Bool, "/estops")
         adapter.said("/estops: recovered")
+
+
+FILTERED = """
+id: filtered
+streams:
+  - {topic: /cmd, type: std_msgs/msg/Bool, action: filter, intercept: publisher}
+properties:
+  - {id: stopped, formula: 'not {topic: /cmd, data: true}', guards: [/cmd]}
+"""
+
+
+def test_it_is_told_also_where_nobody_hears_what_passes(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, FILTERED)) as scene:
+        adapter, recorder = scene.adapter("filtered"), scene.peer("recorder")
+        recorder.record(msg.Bool, "/cmd_mon")
+        unheard = "nobody hears /cmd, and past the monitor hears /cmd_mon: /recorder"
+        adapter.said(re.escape(f"/cmd: {unheard}; nobody publishes /cmd_mon"))

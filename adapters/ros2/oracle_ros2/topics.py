@@ -184,7 +184,8 @@ class FilteredTopic:
 
         A publisher that came and went between two looks counts.
         """
-        return self._unguarded or ("" if self.observed.count else self.subscription.unpublished.text)
+        unpublished = "" if self.observed.count else self.subscription.unpublished.text
+        return "; ".join(filter(None, (self._unguarded, unpublished)))
 
     @property
     def bypass(self) -> str:
