@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
 
 msg = pytest.importorskip("std_msgs.msg")
@@ -165,3 +166,18 @@ def test_what_monitors_say_of_violations_is_none_of_their_events(tmp_path: Path)
             eventually(events, lambda found: len(found) >= 2)
             assert len(events()) == 2
             assert scene.server.events(session, stream="/rosout") == []
+
+
+def test_a_monitor_does_not_hear_itself_where_ros_has_moved_its_topics(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
+        scene.adapter("well", more=("--ros-args", "-r", "/uav1/monitor_error:=/faults"))
+        peer = scene.peer()
+        arrays = peer.record(diagnostic.DiagnosticArray, "/diagnostics")
+        publisher = peer.publisher(diagnostic.DiagnosticArray, "/diagnostics", listeners=2)
+        publisher.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name="motor")]))
+        peer.until(lambda: any(s.level == WARN for array in arrays for s in array.status), "nothing is violated")
+        publisher.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name="pump")]))
+        events = partial(scene.server.events, "s", stream="/diagnostics")
+        eventually(events, lambda found: len(found) >= 2)
+        assert len(events()) == 2
+        assert scene.server.events("s", stream="/rosout") == []

@@ -80,7 +80,10 @@ def unguarded(node: Node, heard: str, given: str) -> str:
 
 
 class Monitors:
-    """Which nodes are monitors, this one among them: what they say of violations is no event of the robot's."""
+    """Which nodes are monitors, this one among them: what they say of violations is no event of the robot's.
+
+    This one is, whatever ROS's remaps make of its topics.
+    """
 
     def __init__(self, node: Node, heard: MatchedSubscription) -> None:
         """`heard`: where they may say something."""
@@ -101,7 +104,8 @@ class Monitors:
             self._heard.look_around()
             self._known.add(source)
             self.look()
-        return self._heard.publisher(source) in self._names
+        name = self._heard.publisher(source)
+        return name == self._node.get_fully_qualified_name() or name in self._names
 
 
 def doubled(node: Node) -> list[str]:
