@@ -147,14 +147,15 @@ def test_what_a_monitor_without_a_name_hides_is_nobody_else_s(scene: Scene) -> N
     heard = monitors._heard
     for peer in nodes.values():
         peer.node.create_publisher(msg.String, "/said", 10)
-    nodes["/uav2"].node.create_publisher(msg.String, "/uav2/monitor_error", 10)
+    for name in ("verdict", "error"):
+        nodes["/uav2"].node.create_publisher(msg.String, f"/uav2/monitor_{name}", 10)
 
-    def theirs() -> set[Any]:
+    def theirs() -> dict[str, Any]:
         heard.look_around()
         monitors.look()
-        return {heard.publisher(source) for source in heard.sources if monitors.have(source)}
+        return {source: heard.publisher(source) for source in heard.sources if monitors.have(source)}
 
-    eventually(theirs, {"/uav2"}.__eq__)
+    found = eventually(theirs, lambda sources: list(sources.values()) == ["/uav2"])
     ask = robot.node.get_publishers_info_by_topic
 
     def unnamed(topic: str) -> Any:
@@ -164,5 +165,34 @@ def test_what_a_monitor_without_a_name_hides_is_nobody_else_s(scene: Scene) -> N
         return found
 
     robot.node.get_publishers_info_by_topic = unnamed
-    assert theirs() == set()
+    assert theirs() == dict.fromkeys(found, "a node of unknown name")
     heard.stop()
+
+
+def test_a_monitor_is_one_before_its_node_has_a_name() -> None:
+    names = {"error": "_NODE_NAME_UNKNOWN_", "lines": "_NODE_NAME_UNKNOWN_", "bare": "_CREATED_BY_BARE_DDS_APP_"}
+    participant, other = b"\1" * 12, b"\2" * 12
+    gids = {"error": participant + b"\0\0\0\3", "lines": participant + b"\0\0\0\1", "bare": other + b"\0\0\0\1"}
+
+    def info(which: str) -> Any:
+        return SimpleNamespace(node_name=names[which], node_namespace="/", endpoint_gid=gids[which])
+
+    def publisher(source: str) -> str | None:
+        found = (endpoints.full_name(info(which)) for which in names if gids[which].hex() == source)
+        return next(found, None)
+
+    node = SimpleNamespace(
+        get_topic_names_and_types=lambda: [("/uav2/monitor_error", []), ("/uav2/monitor_verdict", []), ("/rosout", [])],
+        get_publishers_info_by_topic=lambda topic: [info("error")],
+        get_fully_qualified_name=lambda: "/uav1",
+    )
+    monitors = graph.Monitors(node, SimpleNamespace(publisher=publisher, look_around=lambda: None, nodes=[]))
+    lines, bare = gids["lines"].hex(), gids["bare"].hex()
+    assert (monitors.have(lines), monitors.have(bare)) == (True, False)
+    names["lines"] = "uav2"  # each publisher gets its node's name for itself
+    assert monitors.have(lines)
+    names["error"] = "uav2"
+    monitors.look()
+    assert (monitors.have(lines), monitors.have(bare)) == (True, False)
+    names["lines"], names["error"] = "camera", "uav2"  # nodes of one process
+    assert not monitors.have(lines)

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 # What does not match is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
+UNKNOWN = "a node of unknown name"
 _UNNAMED = {
-    "_NODE_NAME_UNKNOWN_": "a node of unknown name",  # for a moment, where its endpoint is discovered before it is
+    "_NODE_NAME_UNKNOWN_": UNKNOWN,  # for a moment, where its endpoint is discovered before it is
     "_CREATED_BY_BARE_DDS_APP_": "a program on DDS that is no ROS node",
 }
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable
 from oracle_adapter.interfaces import ERRORS
 from rclpy.executors import SingleThreadedExecutor
 
-from oracle_ros2.endpoints import full_name, is_named
+from oracle_ros2.endpoints import UNKNOWN, full_name, is_named
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SETTLED = 4.0  # seconds without a change after which discovery is taken to be complete
 DISCOVERY_LIMIT = 20.0
+PARTICIPANT = 24  # digits of a publisher's number that are those of its participant
+NAMING = 2.0  # seconds in which a new publisher's node is looked for at each of its messages
 NOISE = ("/rosout", "/parameter_events")
 PARAMETERS = ("describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
               "list_parameters", "set_parameters", "set_parameters_atomically")  # fmt: skip
@@ -82,30 +84,45 @@ def unguarded(node: Node, heard: str, given: str) -> str:
 class Monitors:
     """Which nodes are monitors, this one among them: what they say of violations is no event of the robot's.
 
-    This one is, whatever ROS's remaps make of its topics.
+    This one is, whatever ROS's remaps make of its topics. The middleware tells of a topic's publisher before it tells
+    of its node: until then, one monitor's are known by their participant, on DDS the first 12 bytes of their numbers.
     """
 
     def __init__(self, node: Node, heard: MatchedSubscription) -> None:
         """`heard`: where they may say something."""
         self._node, self._heard = node, heard
         self._names: frozenset[str] = frozenset()
-        self._known: set[str] = set()
+        self._participants: frozenset[str] = frozenset()
+        self._nameless: frozenset[str] = frozenset()  # the participants of monitors whose nodes are not known yet
+        self._since: dict[str, float] = {}  # when sources were first heard (s)
 
     def look(self) -> None:
         """Look for them again; to be called from time to time."""
         topics = (name for name, _ in self._node.get_topic_names_and_types() if name.endswith(f"/{ERRORS}"))
-        ask = self._node.get_publishers_info_by_topic
-        self._names = frozenset(full_name(info) for topic in topics for info in ask(topic) if is_named(info))
-        self._known = {source for source in self._known if self._heard.publisher(source) is not None}
+        found = [info for topic in topics for info in self._node.get_publishers_info_by_topic(topic)]
+        self._names = frozenset(full_name(info) for info in found if is_named(info))
+        self._participants = frozenset(map(_participant, found))
+        self._nameless = frozenset(_participant(info) for info in found if full_name(info) == UNKNOWN)
+        self._since = {one: at for one, at in self._since.items() if self._heard.publisher(one) is not None}
 
     def have(self, source: str) -> bool:
         """Whether a source of what is heard is theirs; never where sources are not told, as before Kilted."""
-        if source and source not in self._known:  # it may have come since the last look
-            self._heard.look_around()
-            self._known.add(source)
+        if not source:
+            return False
+        now = time.monotonic()
+        since = self._since.setdefault(source, now)
+        if since == now or (now - since < NAMING and self._heard.publisher(source) == UNKNOWN):
+            self._heard.look_around()  # it may have come since the last look
             self.look()
-        name = self._heard.publisher(source)
-        return name == self._node.get_fully_qualified_name() or name in self._names
+        name, participant = self._heard.publisher(source), source[:PARTICIPANT]
+        if name == UNKNOWN:
+            return participant in self._participants
+        mine = self._node.get_fully_qualified_name()
+        return name == mine or name in self._names or participant in self._nameless
+
+
+def _participant(info: Any) -> str:
+    return bytes(info.endpoint_gid).hex()[:PARTICIPANT]
 
 
 def doubled(node: Node) -> list[str]:
