@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from std_msgs.msg import Bool, Int64
+from std_msgs.msg import Bool, Int64, String
 
 from tests.processes import eventually
 from tests.robot import spec_folder
@@ -78,6 +78,21 @@ def test_what_other_monitors_say_of_violations_is_no_event_once_the_master_has_t
         for session, (arrays, lines) in before.items():
             eventually(partial(heard, session), lambda found, least=arrays + 2: found[0] >= least)
             assert heard(session) == (arrays + 2, lines)
+
+
+def test_who_may_be_no_monitor_is_told_where_it_is_left_out(tmp_path: Path) -> None:
+    """As the player of a bag in which a monitor's topics are; a topic of errors alone makes nobody a monitor."""
+    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
+        adapter, player, robot = scene.adapter("well"), scene.peer(), scene.peer()
+        player.advertise(String, "/uav2/monitor_verdict", listeners=0)
+        player.advertise(String, "/uav2/monitor_error", listeners=0)
+        robot.advertise(String, "/motor/monitor_error", listeners=0)
+        for node in (player, robot):
+            node.advertise(DiagnosticArray, "/diagnostics", listeners=1)
+            adapter.said(r"/diagnostics: /peer0 is taken for a monitor, as it publishes /uav2/monitor_error: ")
+            node.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="motor")]))
+        assert len(eventually(partial(scene.server.events, "s", stream="/diagnostics"), lambda found: found)) == 1
+        assert "/peer1 is taken" not in adapter.log
 
 
 NAMELESS = """

@@ -181,3 +181,19 @@ def test_a_monitor_does_not_hear_itself_where_ros_has_moved_its_topics(tmp_path:
         eventually(events, lambda found: len(found) >= 2)
         assert len(events()) == 2
         assert scene.server.events("s", stream="/rosout") == []
+
+
+def test_who_may_be_no_monitor_is_told_where_it_is_left_out(tmp_path: Path) -> None:
+    """As the player of a bag in which a monitor's topics are; a topic of errors alone makes nobody a monitor."""
+    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
+        adapter, player, robot = scene.adapter("well"), scene.peer("player"), scene.peer("robot")
+        for node, names in ((player, ("verdict", "error")), (robot, ("error",))):
+            for name in names:
+                node.node.create_publisher(msg.String, f"/{node.node.get_name()}_1/monitor_{name}", 10)
+        for node in (player, robot):
+            said = node.publisher(diagnostic.DiagnosticArray, "/diagnostics", listeners=1)
+            adapter.said(r"/diagnostics: /player is taken for a monitor, as it publishes /player_1/monitor_error: ")
+            said.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name=node.node.get_name())]))
+        events = partial(scene.server.events, "s", stream="/diagnostics")
+        assert len(eventually(events, lambda found: found)) == 1
+        assert "/robot is taken" not in adapter.log

@@ -7,12 +7,12 @@ import threading
 from contextlib import suppress
 from functools import partial
 from http.client import HTTPConnection
-from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
 from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
 import rospy
-from oracle_adapter.interfaces import ERRORS
+from oracle_adapter.monitors import doubtful, errors_among
 from rospy.impl import paramserver, registration
 
 ASK_PERIOD = 1.0
@@ -94,6 +94,10 @@ class Graph:
     def __init__(self) -> None:
         self.answers = 0
         """How many the master has given."""
+        self.monitors: FrozenSet[str] = frozenset()
+        """The nodes that were monitors when the master was last asked."""
+        self.doubtful: Dict[str, str] = {}
+        """Those of them that may be none, each with its topic of errors."""
         self._publishers: Users = {}
         self._subscribers: Users = {}
         self._asked: Set[str] = set()  # nodes whose addresses are wanted
@@ -146,10 +150,6 @@ class Graph:
         self._asked.add(node)
         return self._addresses.get(node, "")
 
-    def monitors(self) -> List[str]:
-        """The nodes that were monitors when the master was last asked."""
-        return [node for topic, nodes in self._publishers.items() if topic.endswith(f"/{ERRORS}") for node in nodes]
-
     def published(self) -> List[str]:
         """The topics that other nodes than this one published when the master was last asked."""
         own = rospy.get_name()
@@ -199,6 +199,8 @@ class Graph:
         asked -= {own, *self._forgotten}
         self._addresses = {node: str(master.lookupNode(node)[2]) for node in asked}
         self._publishers, self._subscribers, self._servers = publishers, subscribers, servers
+        errors = {topic: publishers[topic] for topic in errors_among(publishers)}
+        self.monitors, self.doubtful = frozenset().union(*errors.values()), doubtful(errors)
         self.answers += 1
         self._register_again(missing, master)
 

@@ -9,6 +9,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from oracle_adapter import Status, graph_name
 from oracle_adapter.interfaces import ERRORS
+from oracle_adapter.monitors import VERDICT
 from std_msgs.msg import String
 
 
@@ -19,7 +20,7 @@ class Screen:
         """Publish nothing yet."""
         own = graph_name(monitor)
         self._monitor = monitor
-        self._verdict = rospy.Publisher(f"{own}/monitor_verdict", String, latch=True, queue_size=10)
+        self._verdict = rospy.Publisher(f"{own}/{VERDICT}", String, latch=True, queue_size=10)
         self._error = rospy.Publisher(f"{own}/{ERRORS}", String, queue_size=100)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
 

@@ -11,6 +11,7 @@ import rospy
 from oracle_adapter import PROXY
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import OWN, Interface
+from oracle_adapter.monitors import doubt_text
 from oracle_adapter.passing import Passing
 from oracle_adapter.unpublished import Unpublished
 
@@ -31,7 +32,7 @@ class LoggedTopic:
         self._link, self._observed = shared.link, Observed(topic.first, shared.now)
         self.streams = [self._observed]
         self._graph, name = shared.graph, rospy.resolve_name(shared.names[topic.name])
-        self._has_monitors = name in OWN
+        self._has_monitors, self._doubt = name in OWN, ""
         self._silence, self._missing = Unpublished(name), Unheard(shared.graph)
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
@@ -39,12 +40,15 @@ class LoggedTopic:
         """Read its publishers' connection headers, and return what is wrong."""
         publishers = headers(self._subscriber)
         self._silence.look(lambda: bool(publishers), self._graph.published)
+        if self._has_monitors:
+            others = {str(header.get("callerid")) for header in publishers} - {rospy.get_name()}
+            self._doubt = doubt_text(self._graph.doubtful, others)
         return "; ".join([*self._observed.troubles(publishers), *self._missing.look([self._subscriber])])
 
     @property
     def doubt(self) -> str:
-        """That nobody publishes it, as of the last look."""
-        return self._silence.text
+        """That nobody publishes it, as of the last look, or who is left out that may be no monitor."""
+        return self._silence.text or self._doubt
 
     def stop(self) -> None:
         """Take no more."""
@@ -57,7 +61,7 @@ class LoggedTopic:
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
         source = header.get("callerid")
-        if self._has_monitors and (source == rospy.get_name() or source in self._graph.monitors()):
+        if self._has_monitors and (source == rospy.get_name() or source in self._graph.monitors):
             return
         decoder = self._observed.decoder(header)
         if isinstance(decoder, str):
@@ -118,7 +122,7 @@ class FilteredTopic:
     @property
     def doubt(self) -> str:
         """That nobody publishes what it takes, or hears what passes, as of the last look."""
-        return self._unguarded or self._silence.text
+        return "; ".join(filter(None, (self._silence.text, self._unguarded)))
 
     def stop(self) -> None:
         """Take and forward no more."""

@@ -100,6 +100,11 @@ class MatchedSubscription:
         return any(publisher.startswith(source) for publisher in self._foreign)
 
     @property
+    def nodes(self) -> list[str]:
+        """The nodes that have the publishers, as of the last look."""
+        return [full_name(info) for info in self._publishers]
+
+    @property
     def sources(self) -> list[str]:
         """The publishers, as of the last look."""
         return [bytes(info.endpoint_gid).hex() for info in self._publishers]

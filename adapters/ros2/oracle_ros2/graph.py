@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Callable
 
-from oracle_adapter.interfaces import ERRORS
+from oracle_adapter.monitors import doubt_text, doubtful, errors_among
 from rclpy.executors import SingleThreadedExecutor
 
 from oracle_ros2.endpoints import UNKNOWN, full_name, is_named
@@ -94,13 +94,19 @@ class Monitors:
         self._names: frozenset[str] = frozenset()
         self._participants: frozenset[str] = frozenset()
         self._nameless: frozenset[str] = frozenset()  # the participants of monitors whose nodes are not known yet
+        self.doubt = ""
+        """Who may be none, as of the last look."""
         self._since: dict[str, float] = {}  # when sources were first heard (s)
 
     def look(self) -> None:
         """Look for them again; to be called from time to time."""
-        topics = (name for name, _ in self._node.get_topic_names_and_types() if name.endswith(f"/{ERRORS}"))
-        found = [info for topic in topics for info in self._node.get_publishers_info_by_topic(topic)]
+        topics = errors_among(name for name, _ in self._node.get_topic_names_and_types())
+        by_topic = {topic: self._node.get_publishers_info_by_topic(topic) for topic in topics}
+        found = [info for infos in by_topic.values() for info in infos]
         self._names = frozenset(full_name(info) for info in found if is_named(info))
+        named = {topic: [full_name(info) for info in infos if is_named(info)] for topic, infos in by_topic.items()}
+        others = set(self._heard.nodes) - {self._node.get_fully_qualified_name()}
+        self.doubt = doubt_text(doubtful(named), others)
         self._participants = frozenset(map(_participant, found))
         self._nameless = frozenset(_participant(info) for info in found if full_name(info) == UNKNOWN)
         self._since = {one: at for one, at in self._since.items() if self._heard.publisher(one) is not None}

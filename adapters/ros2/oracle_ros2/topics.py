@@ -127,8 +127,12 @@ class LoggedTopic:
 
     @property
     def doubt(self) -> str:
-        """That nobody publishes it, as of the last look; a publisher that came and went between two looks counts."""
-        return "" if self.observed.count else self.subscription.unpublished.text
+        """That nobody publishes it, as of the last look, or who is left out that may be no monitor.
+
+        A publisher that came and went between two looks counts.
+        """
+        unpublished = "" if self.observed.count else self.subscription.unpublished.text
+        return unpublished or (self._monitors.doubt if self._monitors is not None else "")
 
     def catch_up(self) -> None:
         """Take every message that has come by now."""

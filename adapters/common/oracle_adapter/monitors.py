@@ -1,0 +1,44 @@
+"""Which nodes of the robot's graph are monitors, by the topics that each monitor has."""
+
+from __future__ import annotations
+
+from typing import Dict, Iterable, List, Mapping
+
+from oracle_adapter.interfaces import ERRORS
+
+VERDICT = "monitor_verdict"
+
+
+def errors_among(topics: Iterable[str]) -> List[str]:
+    """The topics of monitors' errors: those beside which a verdict is."""
+    there = set(topics)
+    found = (topic for topic in there if topic.endswith(f"/{ERRORS}"))
+    return [topic for topic in found if topic[: -len(ERRORS)] + VERDICT in there]
+
+
+def doubtful(publishers: Mapping[str, Iterable[str]]) -> Dict[str, str]:
+    """The nodes that are not called as the monitors whose errors they publish, each with a topic.
+
+    A bridge or the player of a bag may say much that is the robot's. `publishers`: the nodes by
+    the errors' topics.
+    """
+    return {
+        node: topic
+        for topic, nodes in publishers.items()
+        for node in nodes
+        if not node.endswith(_called(topic))
+    }
+
+
+def doubt_text(doubtful_nodes: Mapping[str, str], speakers: Iterable[str]) -> str:
+    """What to tell of those among the nodes that say something; empty where there are none."""
+    said = "what it says here is left out"
+    return "; ".join(
+        f"{node} is taken for a monitor, as it publishes {doubtful_nodes[node]}: {said}"
+        for node in sorted(doubtful_nodes.keys() & set(speakers))
+    )
+
+
+def _called(errors: str) -> str:
+    """How the node's name ends of the monitor that has a topic of errors."""
+    return errors[: -len(ERRORS)].strip("/").replace("/", "_")
