@@ -16,7 +16,12 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
-import rospy
+try:
+    import rospy
+except ImportError as error:
+    hint = ": ROS 1 is not there for this Python, source its setup.bash or install python3-rospy"
+    sys.stderr.write(f"{error}{hint}\n")
+    sys.exit(2)
 from oracle_adapter import Board, LinkError, Names, open_log
 from oracle_adapter.command import close, make_link, wait_attached
 

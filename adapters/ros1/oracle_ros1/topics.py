@@ -122,7 +122,7 @@ class FilteredTopic:
     @property
     def doubt(self) -> str:
         """That nobody publishes what it takes, or hears what passes, as of the last look."""
-        return "; ".join(filter(None, (self._silence.text, self._unguarded)))
+        return "; ".join(filter(None, (self._unguarded, self._silence.text)))
 
     def stop(self) -> None:
         """Take and forward no more."""
