@@ -47,6 +47,8 @@ class Action:
 class ActionSource:
     """Decodes the messages of one channel beneath an action."""
 
+    lasts = False
+
     def __init__(self, channel: Channel, topic: Topic, ready: Plan, known: Typestore, action: Action) -> None:
         """Prepare to decode. Raises `TraceError` where the type of the messages is not known."""
         assert topic.role is not None and topic.role.port is not None  # noqa: S101, PT018 -- it is an action's

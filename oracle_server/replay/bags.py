@@ -193,7 +193,7 @@ class Bag:
         for source, time, raw, told in together(storages, wanted, self._note_gap):
             self.read += 1
             try:
-                items = self._items(source, raw, partial(self._published.of, source.topic.name, time, told))
+                items = self._items(source, time, raw, told)
             except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
                 source.topic.note_unreadable(_reason(error))
                 self._note_gap()
@@ -206,9 +206,12 @@ class Bag:
     def _note_gap(self) -> None:
         self.lost += 1
 
-    def _items(self, source: _AnySource, raw: bytes, published: Callable[[], int | None]) -> list[Item]:
+    def _items(self, source: _AnySource, time: int, raw: bytes, told: int) -> list[Item]:
         source.topic.seen += 1
-        return source.items(raw, published)
+        found = source.items(raw, partial(self._published.of, source.topic.name, time, told))
+        if not source.lasts:
+            return found
+        return [item._replace(stamp=self._published.heard(item.stamp, time)) for item in found]
 
 
 def _unpacked(path: Path, stack: ExitStack) -> Path:

@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.blocks import Block, InBlocks, decompress
-from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message
+from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message, is_lasting
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 1, 2, 3, 4, 5, 6, 11
@@ -140,7 +140,9 @@ class McapFile(InBlocks):
             elif kind == _CHANNEL:
                 number, schema = _short(data, 0), _short(data, 2)
                 topic, at = _string(data, 4)
-                channel = Channel(number, topic, "", serialization=_string(data, at)[0])
+                serialization, at = _string(data, at)
+                lasts = is_lasting(data[at:].decode(errors="replace"))
+                channel = Channel(number, topic, "", serialization=serialization, lasts=lasts)
                 if self._channels.setdefault(number, channel) is channel:
                     self._schema_of[number] = schema
             elif kind == _STATISTICS:

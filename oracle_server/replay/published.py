@@ -8,6 +8,8 @@ from oracle_server.core.spec import SECOND
 from oracle_server.core.units import counted
 from oracle_server.replay.recording import Note
 
+_YEAR = 365 * 86_400 * SECOND
+"""No robot runs for so long; what is older is by another clock, as that of a simulation."""
 _DAY = 86_400 * SECOND
 """For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
 
@@ -39,6 +41,13 @@ class Published:
             return published if published == newest else min(newest, max(published, recorded))
         self._others += 1
         return None
+
+    def heard(self, stamp: int | None, recorded: int) -> int | None:
+        """When a message of a topic that lasts counts as published (ns): when it was `recorded`, if kept until then.
+
+        By its stamp it would stand where nothing else was recorded, and all that came would be missing for as long.
+        """
+        return recorded if stamp is not None and self.since - _YEAR < stamp < self.since else stamp
 
     def notes(self) -> Iterator[Note]:
         """What is to be said of those that were not taken."""

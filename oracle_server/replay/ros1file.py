@@ -111,6 +111,7 @@ class Ros1File(InBlocks):
         number = _number(fields, b"conn", 4)
         kind = f"{package}/msg/{name}"
         channel = Channel(number, topic, kind, about.get(b"message_definition", ""), "ros1msg", "ros1")
+        channel = channel._replace(lasts=about.get(b"latching") == "1")
         self._channels.setdefault(number, channel)
 
     def _in_block(self, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:

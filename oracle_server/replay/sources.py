@@ -133,7 +133,7 @@ class Source:
     def __init__(self, channel: Channel, topic: Topic, ready: Plan, known: Typestore) -> None:
         """Prepare to decode. Raises `TraceError` where the type of the messages is not known."""
         self.topic, self._type = topic, type_name(channel.type)
-        topic.type = channel.type
+        topic.type, self.lasts = channel.type, channel.lasts
         types = types_of(channel, known)
         self._decode = decoder(channel, types)
         self._plan = ready

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.scratch import let_go, unpacking
-from oracle_server.replay.storage import Channel, Message
+from oracle_server.replay.storage import Channel, Message, is_lasting
 
 MAGIC = b"SQLite format 3\x00"
 LOG = "-wal"
@@ -81,11 +81,14 @@ class SqliteFile:
             definitions = {str(row[0]): (str(row[1]), str(row[2])) for row in self._database.execute(query)}
         counts = self._counts()
         form = "serialization_format" if "serialization_format" in columns else "'cdr'"
+        offered = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
         found = []
-        for number, topic, kind, serialization in self._database.execute(f"SELECT id, name, type, {form} FROM topics"):  # noqa: S608
+        query = f"SELECT id, name, type, {form}, {offered} FROM topics"  # noqa: S608
+        for number, topic, kind, serialization, qos in self._database.execute(query):
             text, encoding = definitions.get(kind) or definitions.get(str(kind).removesuffix("_Event")) or ("", "")
             promised = None if counts is None else counts.get(number, 0)
-            found.append(Channel(number, str(topic), str(kind), text, encoding, str(serialization), promised))
+            lasts = is_lasting(str(qos))
+            found.append(Channel(number, str(topic), str(kind), text, encoding, str(serialization), promised, lasts))
         return found
 
     def _counts(self) -> dict[int, int] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from typing import NamedTuple, Protocol
 
@@ -13,7 +14,7 @@ class Channel(NamedTuple):
 
     `definition` is the text of the type in an `encoding` (`ros1msg`, `ros2msg` or `ros2idl`), empty where the file has
     none; `serialization` is `ros1`, `cdr`, or what this program does not read; `promised` is how many messages
-    the file says that it has, None where it does not say.
+    the file says that it has, None where it does not say; `lasts`: its publishers keep messages for who comes later.
     """
 
     id: int
@@ -23,8 +24,10 @@ class Channel(NamedTuple):
     encoding: str = ""
     serialization: str = "cdr"
     promised: int | None = None
+    lasts: bool = False
 
 
+_LASTING = re.compile(r"durability: *(1\b|transient_local)")
 LATEST = 2**63 - 1
 """The last time that there is (ns since the epoch)."""
 Message = tuple[int, int, bytes, int]
@@ -80,6 +83,11 @@ class Missing:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+def is_lasting(qos: str) -> bool:
+    """Whether publishers keep messages for who comes later, by the QoS that they offer as ROS 2 writes it to bags."""
+    return _LASTING.search(qos) is not None
 
 
 class DamagedError(OracleError):

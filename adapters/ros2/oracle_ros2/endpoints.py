@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
 from oracle_adapter.unpublished import Unpublished
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import DurabilityPolicy
 
 from oracle_ros2.numbering import is_numbered
 from oracle_ros2.qos import DEPTH, same, to_request
@@ -98,6 +99,10 @@ class MatchedSubscription:
             self._looked_for.add(source)
             self.look_around()
         return any(publisher.startswith(source) for publisher in self._foreign)
+
+    def lasts(self) -> bool:
+        """Whether what publishers have kept for late subscribers comes."""
+        return bool(self._profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
     @property
     def nodes(self) -> list[str]:

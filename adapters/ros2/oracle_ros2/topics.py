@@ -8,6 +8,7 @@ from oracle_adapter import PROXY
 from oracle_adapter.fields import not_there
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import OWN
+from oracle_adapter.kept import is_from_before
 from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
@@ -39,6 +40,7 @@ class Observed:
         `stamped_here`: as they are queued for the oracle, unless the spec names a field.
         """
         self._now = time_of(node)
+        self._began = self._now()
         self.name: str = stream["name"]
         self.kind: str = stream["kind"]
         self.type, self._field = envelope or (load_type(stream["type"]), "")
@@ -59,6 +61,8 @@ class Observed:
         self._read = reader(inner, stream["fields"])
         self.is_foreign: Callable[[str], bool] = lambda _: False
         """Whether messages of a source are defined otherwise than here: they can't be read."""
+        self.lasts: Callable[[], bool] = lambda: False
+        """Whether messages come that were published before anybody asked for them."""
         self._numbers = Numbers(on_new)
         self._unread = 0  # messages since the last event
         self.unreadable: dict[str, str] = {}
@@ -98,6 +102,8 @@ class Observed:
             return None
         self._unread = 0
         stamp = (self._stamp and self._stamp(message)) or self._time_of(info)
+        if isinstance(stamp, int) and is_from_before(stamp, self._began) and self.lasts():
+            stamp = self._now()
         return stamp, self._read(message), {"source": source, "lost": missed}
 
     def _time_of(self, info: Mapping[str, Any]) -> Stamp:
@@ -118,7 +124,7 @@ class LoggedTopic:
         name = shared.node.resolve_topic_name(shared.names[topic.name])
         self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
         self._monitors = Monitors(shared.node, self.subscription) if name in OWN else None
-        self.observed.is_foreign = self.subscription.is_foreign
+        self.observed.is_foreign, self.observed.lasts = self.subscription.is_foreign, self.subscription.lasts
 
     @property
     def received(self) -> int:
@@ -175,7 +181,7 @@ class FilteredTopic:
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self._queue = ForwardQueue(passing, lambda said: self._publisher.publish(*said))
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
-        self.observed.is_foreign = self.subscription.is_foreign
+        self.observed.is_foreign, self.observed.lasts = self.subscription.is_foreign, self.subscription.lasts
 
     @property
     def received(self) -> int:
