@@ -31,7 +31,8 @@ class _Full:
     """What full collections have taken, and what becomes of the objects that they leave."""
 
     def __init__(self) -> None:
-        self.seconds = self._begin = 0.0
+        self.seconds = 0.0
+        self._begin: float | None = None
         self.freezes = False
         """Whether what a full collection leaves is never looked at again; else each one looks at all there is."""
         self._collections, self._most = 0, _MANY
@@ -41,12 +42,19 @@ class _Full:
         """Called by the collector at both ends of each collection."""
         if info["generation"] != 2:
             return
+        try:
+            self._note(phase)
+        except RecursionError:  # it was called deep within what a monitor has sent; the next one is looked at again
+            self._begin = None
+
+    def _note(self, phase: str) -> None:
         if phase == "start":
             self._begin = time.thread_time()
             return
         if self.freezes:
             self._freeze()
-        self.seconds += time.thread_time() - self._begin
+        if self._begin is not None:
+            self.seconds += time.thread_time() - self._begin
 
     def _freeze(self) -> None:
         gc.freeze()

@@ -44,7 +44,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Tab
     made = Table(box=None, pad_edge=False)
     for index in reversed(range(len(columns))):
         if sum(wide) + _GAP * (len(wide) - 1) > width:
-            wide[index] = max(cell_len(word) for cell in columns[index] for word in cell.split() or [""])
+            name, *cells = columns[index]
+            wide[index] = max(map(cell_len, [name, *(word for cell in cells for word in cell.split())]))
     for index, name in enumerate(head):
         made.add_column(name, overflow="fold", max_width=wide[index] if columns else None)
     for line in lines:

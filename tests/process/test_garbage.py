@@ -64,3 +64,25 @@ assert found() is None
 assert gc.get_freeze_count() > 0
 """
     )
+
+
+def test_what_is_collected_deep_within_a_message_is_no_failure() -> None:
+    check(
+        """
+def within(depth):
+    return garbage._full('stop', {'generation': 2}) if depth == 0 else within(depth - 1)
+
+def place_of(depth):
+    try:
+        within(depth)
+    except RecursionError as error:
+        trace = error.__traceback__
+        while trace.tb_next is not None:
+            trace = trace.tb_next
+        return 'called' if trace.tb_frame.f_code is within.__code__ else 'in the collection'
+    return 'done'
+
+found = [place_of(depth) for depth in range(900, 1000)]
+assert {*found} == {'called', 'done'}, found
+"""
+    )

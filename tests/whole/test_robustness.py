@@ -29,8 +29,11 @@ def assert_shown(url: str) -> None:
         ["recent", "currently_true", "2"],
         ["told", "true", "-"],
     ]
-    assert summary[5].split()[-2:] == ["robustness", "n"]
-    assert "-1" in summary[6].split()
+    head, first = next(
+        (summary[place], summary[place + 1]) for place, line in enumerate(summary) if line.startswith("step ")
+    )
+    assert head.split()[-2:] == ["robustness", "n"]
+    assert "-1" in first.split()
     head, first, *_ = run("verdicts", "s", "--property", "recent", "--url", url).stdout.splitlines()
     assert (head.split()[-2], first.split()[-2]) == ("robustness", "0.5")
     assert "robustness" not in run("verdicts", "s", "--property", "told", "--url", url).stdout
