@@ -18,8 +18,8 @@ _HANDFUL = 5
 _LATE = "late, up to", "behind what was judged before"
 _SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
 _OVERTAKEN = "older than a deadline that was judged before: up to", "between stamp and arrival"
-_DAY = 86_400 * SECOND
-"""For so long no message is on its way."""
+DAY = 86_400 * SECOND
+"""For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
 
 
 @dataclass(slots=True)
@@ -74,7 +74,7 @@ class Delays:
                 if count:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
-                    if found is self._overtaken and found.most[stream] > _DAY:
+                    if found is self._overtaken and found.most[stream] > DAY:
                         text += "; a simulation is recorded in its own time, as by `ros2 bag record --use-sim-time`"
                     yield Note(text, doubt=count > max(_HANDFUL, events // 2))
             count = self._placed.count[stream]

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 from oracle_server.core.spec import SECOND
 from oracle_server.core.units import counted
+from oracle_server.replay.delays import DAY
 from oracle_server.replay.recording import Note
 
 _YEAR = 365 * 86_400 * SECOND
 """No robot runs for so long; what is older is by another clock, as that of a simulation."""
-_DAY = 86_400 * SECOND
-"""For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
 
 
 class Published:
@@ -34,7 +33,7 @@ class Published:
         """
         if published in (0, recorded):
             return None
-        if recorded - _DAY <= published <= recorded + self._max_skew:
+        if recorded - DAY <= published <= recorded + self._max_skew:
             if published < self.since - self._max_delay:  # nobody recorded then what would have answered it
                 return None
             newest = self._newest[topic] = max(published, self._newest.get(topic, 0))
