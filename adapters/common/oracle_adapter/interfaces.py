@@ -15,10 +15,6 @@ if TYPE_CHECKING:
 
 Stream = Mapping[str, Any]
 """A stream as the server describes it in `attached`."""
-OWN = ("/diagnostics", "/rosout")
-"""Where monitors tell of violations: to observe that would be to violate again, for ever."""
-ERRORS = "monitor_error"
-"""The topic of its own that each monitor has in its namespace: who publishes one is a monitor."""
 
 
 @dataclass(frozen=True)

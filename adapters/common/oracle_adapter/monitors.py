@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Dict, Iterable, List, Mapping
 
-from oracle_adapter.interfaces import ERRORS
-
-VERDICT = "monitor_verdict"
+OWN = ("/diagnostics", "/rosout")
+"""Where monitors tell of violations: to observe that would be to violate again, for ever."""
+ERRORS, VERDICT = "monitor_error", "monitor_verdict"
+"""The topics that each monitor has in its namespace: who publishes both is a monitor."""
 
 
 def errors_among(topics: Iterable[str]) -> List[str]:

@@ -8,8 +8,7 @@ from typing import Any, Sequence
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from oracle_adapter import Status, graph_name
-from oracle_adapter.interfaces import ERRORS
-from oracle_adapter.monitors import VERDICT
+from oracle_adapter.monitors import ERRORS, VERDICT
 from std_msgs.msg import String
 
 

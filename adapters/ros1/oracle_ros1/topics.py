@@ -10,8 +10,8 @@ from typing import Dict, Optional, Tuple, Union
 import rospy
 from oracle_adapter import PROXY
 from oracle_adapter.forwarding import ForwardQueue
-from oracle_adapter.interfaces import OWN, Interface
-from oracle_adapter.monitors import doubt_text
+from oracle_adapter.interfaces import Interface
+from oracle_adapter.monitors import OWN, doubt_text
 from oracle_adapter.passing import Passing
 from oracle_adapter.unpublished import Unpublished
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from oracle_adapter import Status, graph_name, interfaces
-from oracle_adapter.monitors import VERDICT
+from oracle_adapter import Status, graph_name, monitors
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
@@ -27,8 +26,8 @@ class Screen:
         """Publish nothing yet."""
         own = graph_name(monitor)
         self._monitor, self._log, self._clock = monitor, node.get_logger(), node.get_clock()
-        self._verdict = node.create_publisher(String, f"{own}/{VERDICT}", LATEST, event_callbacks=NO_EVENTS)
-        self._error = node.create_publisher(String, f"{own}/{interfaces.ERRORS}", ERRORS, event_callbacks=NO_EVENTS)
+        self._verdict = node.create_publisher(String, f"{own}/{monitors.VERDICT}", LATEST, event_callbacks=NO_EVENTS)
+        self._error = node.create_publisher(String, f"{own}/{monitors.ERRORS}", ERRORS, event_callbacks=NO_EVENTS)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10, event_callbacks=NO_EVENTS)
 
     def verdict(self, outcome: str) -> None:

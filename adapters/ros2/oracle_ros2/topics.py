@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 from oracle_adapter import PROXY
 from oracle_adapter.fields import not_there
 from oracle_adapter.forwarding import ForwardQueue
-from oracle_adapter.interfaces import OWN
 from oracle_adapter.kept import is_from_before
+from oracle_adapter.monitors import OWN
 from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
