@@ -78,13 +78,14 @@ def test_bounded_obligations_leave_nothing_behind(time: Time) -> None:
         rng = random.Random(f"obligations' memory {time} {number}")
         whole = bounded(obligation(rng, time), 1 if time == "steps" else SECOND)
         fed, sizes = Fed(whole, time), []
-        for turn in range(12):  # what is there at one moment varies
+        for turn in range(12):
             for n in range(turn * 40, turn * 40 + 40):
                 signals = {key: rng.choice((n, n // 2, "x")) for key in generate.KEYS if rng.random() < 0.7}
                 fed.feed(Item((1000 + n) * SECOND, {**signals, "kind": "topic"}))
             sizes.append(len(json.dumps(fed.engine.snapshot()["nodes"])))
         told = f"case {number}, {time}: {render(whole, time)} takes {sizes}"
-        assert max(sizes[6:]) <= 2 * max(sizes[:6]) + 500, told
+        # What is there at one moment varies; what is left behind is there at each.
+        assert min(sizes[9:]) <= 2 * max(sizes[:3]) + 500, told
 
 
 @pytest.mark.parametrize("operator", ["eventually[:100000]", "{held} until[:100000]"])
