@@ -8,8 +8,8 @@ import random
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import httpx
 
@@ -53,9 +53,10 @@ class Count:
 
 
 def prepare(folder: Path) -> Path:
-    """A folder with the specs."""
+    """A folder with the specs, which are read here: while anybody is attached it would delay the answers to pings."""
     folder.mkdir()
     for name in SPECS:
+        _keys(name)
         (source,) = (path for known in FOLDERS for path in known.glob(f"{name}.yaml"))
         (folder / source.name).write_text(source.read_text())
     return folder
@@ -136,11 +137,10 @@ class Talk:
 def _talk(served: Served, session: str, seed: int, sending: Callable[[], None]) -> Talk:
     chance = random.Random(f"{seed} {session}")
     spec = chance.choice(SPECS)
-    keys = [(key.name, str(key.kind)) for key in _keys(spec)]
     clock, told = chance.choice(("wall", "wall", "wall", "sim")), Told()
     monitors = []
     for i in range(chance.choice((1, 2, 2, 3))):
-        writer = Writer(random.Random(chance.random()), keys)
+        writer = Writer(random.Random(chance.random()), _keys(spec))
         monitors.append(Monitor(served.attach_url, f"m{i + 1}", session, spec, clock, writer, told, sending))
     return Talk(session, spec, monitors, told, chance)
 
@@ -246,6 +246,7 @@ def _http(served: Served) -> httpx.AsyncClient:
     return httpx.AsyncClient(base_url=f"{served.url}/api/v1/", timeout=PATIENCE, trust_env=False)
 
 
-def _keys(spec: str) -> list[Any]:
+@cache
+def _keys(spec: str) -> list[tuple[str, str]]:
     (path,) = (path for known in FOLDERS for path in known.glob(f"{spec}.yaml"))
-    return list(load_spec(path).spec.by_key)
+    return [(key.name, str(key.kind)) for key in load_spec(path).spec.by_key]
