@@ -33,13 +33,13 @@ def denies(outcome: Outcome, *, blamed: bool, breaks: bool) -> bool:
     return outcome is Outcome.UNKNOWN or (blamed and (breaks or outcome in NEGATIVE))
 
 
-def attempted(verdict: Verdict, *, owes: bool) -> Verdict:
+def attempted(verdict: Verdict, owes: Outcome | None) -> Verdict:
     """A verdict about an attempt that is taken back: it is not final, and no obligation was decided by it.
 
-    `owes`: the property waits for what comes, and did not deny the attempt.
+    `owes` is the outcome without those of a property that waits for what comes, and did not deny the attempt.
     """
-    if owes and verdict.outcome in NEGATIVE:
-        return msgspec.structs.replace(verdict, outcome=Outcome.CURRENTLY_TRUE, explanation=None)
+    if owes is not None and verdict.outcome in NEGATIVE:
+        return msgspec.structs.replace(verdict, outcome=owes, explanation=None)
     return msgspec.structs.replace(verdict, outcome=verdict.outcome.current)
 
 

@@ -25,7 +25,7 @@ from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property, orders
 from oracle_server.core.tally import StreamCounts
-from oracle_server.core.verdicts import Judged, Outcome, Verdict
+from oracle_server.core.verdicts import FINAL, Judged, Outcome, Verdict
 from oracle_server.core.weakly import weakly
 
 Seen = tuple[Signals, frozenset[str]]
@@ -288,8 +288,10 @@ class Judge(Blaming):
         self._derived.back()
         self._recent.remove()
         denying = frozenset(judged.decision.denied_by if judged.decision else ())
-        owing = {s.property.id for s in self.properties if s.owed is not None} - denying
-        verdicts = tuple(attempted(v, owes=v.property in owing) for v in judged.verdicts)
+        stood = zip(self.properties, marks, strict=True)
+        open_ = [s for s, mark in stood if s.owed is not None and mark.outcome not in FINAL]
+        owing = {s.property.id: s.unowed for s in open_ if s.property.id not in denying}
+        verdicts = tuple(attempted(v, owing.get(v.property)) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts, episodes=self._follow(time, verdicts, instant=True))
 
     def _skip(self, step: Step, now: int) -> Judged:

@@ -97,6 +97,8 @@ class PropertyState(Counted):
     """Whether time has decided some, when it came last."""
     stained: bool = False
     """Whether an event that was denied may still count, since it has happened for all that; see `blame: caused`."""
+    unowed: Outcome = _HOLDS
+    """What the last step comes to without the obligations that were decided at it."""
     is_innocent: bool = False
     """Whether the last step holds by itself, where the property is latched."""
     _failure: Exception | None = field(init=False, default=None)
@@ -155,8 +157,10 @@ class PropertyState(Counted):
     def _outcome_at(self, view: View, latest: int, failed: Names, outcome: Outcome) -> Outcome:
         """What an outcome of the engine comes to at a step, by when a time (ns) must have come."""
         self._take_unanswered()
+        self.unowed = _HOLDS
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.observed
+            self.unowed = Outcome.UNKNOWN
             if not self.unanswered:
                 return Outcome.UNKNOWN
         if outcome in NEGATIVE and latest < self.judged_from:

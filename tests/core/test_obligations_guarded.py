@@ -167,3 +167,23 @@ def test_a_guard_to_blame_for_what_it_caused_is_judged_without_the_first_event_t
     (judged,) = Feed(session)(A, 1, {"goal": "g1"}, ask=True)
     assert judged.verdicts[0].outcome is Outcome.CURRENTLY_TRUE
     assert session.judges["arrival"].properties[0].broken is None
+
+
+def test_beside_an_attempt_that_others_deny_it_stays_false_for_good() -> None:
+    streams = [StreamSpec("/a", action="filter", on_deny="undo"), StreamSpec("/b")]
+    answered = prop("p", "{v: 1} -> next {v: 2}", latch=True)
+    session = opened(answered, prop("q", "not {v: 9}", guards=frozenset({"/a"})), streams=streams)
+    feed = Feed(session)
+    rows = [row for n, v in enumerate((1, 3, 9, 1), 1) for row in feed(A, n, {"v": v}, ask=True)]
+    assert [row.decision.choice for row in rows if row.decision] == ["allow", "allow", "deny", "allow"]
+    assert [row.verdicts[0].outcome.value for row in rows] == ["currently_true", "false", "currently_false", "false"]
+
+
+def test_beside_an_attempt_that_others_deny_what_can_not_be_judged_is_unknown() -> None:
+    signals = {"v": "msg.v", "w": "msg.w"}
+    streams = [StreamSpec("/a", action="filter", on_deny="undo", signals=signals), StreamSpec("/b", signals={})]
+    both = prop("p", "{v: *} -> (next {v: 2}) and eventually[:5] {w: 1}")
+    session = opened(both, prop("q", "not {v: 9}", guards=frozenset({"/a"})), streams=streams)
+    feed = Feed(session)
+    rows = feed(A, 1, {"v": 1, "w": 0}, ask=True) + feed(A, 2, {"v": 9, "w": {}}, ask=True)
+    assert [row.verdicts[0].outcome.value for row in rows] == ["currently_true", "unknown"]
