@@ -13,8 +13,9 @@ from oracle_server.core.events import Signals
 class Seen(NamedTuple):
     """A step as explanations name it, and what formulas saw of it.
 
-    `stamp` is its time of publication in nanoseconds, `failed` are the signals that could not be computed. `event`
-    names the event; it is empty for a tick, which has no `number`.
+    `stamp` is its time of publication in nanoseconds, `failed` are the signals that could not be computed, `unread`
+    derived ones that were not worked out, since no formula reads them there. `event` names the event; it is empty for a
+    tick, which has no `number`.
     """
 
     number: int | None
@@ -22,6 +23,7 @@ class Seen(NamedTuple):
     event: str
     signals: Signals
     failed: Collection[str]
+    unread: Collection[str] = ()
 
 
 @dataclass(frozen=True, slots=True)

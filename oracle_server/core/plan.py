@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
+from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.layout import Layout, Part, parts, watched
-from oracle_server.core.events import Projected, StreamKey
+from oracle_server.core.events import TICKS, Projected, StreamKey
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import GROUPS, KINDS, OWN, RESERVED, Kind
@@ -114,7 +115,8 @@ class Plan:
 
     `silent` are the properties' views of a step that has no signals but held ones; `timed`: some property has
     `time: seconds`; `external` are the indexes of the properties that external oracles judge; `readers` are those that
-    guard or read a topic or service, by its name; `derived` is None where the spec derives no signals.
+    guard or read a topic or service, by its name; `derived` is None where the spec derives no signals. `unread` are the
+    derived signals that the steps of a stream, and ticks, do not have, since no formula reads them there.
     """
 
     spec: Spec
@@ -124,6 +126,7 @@ class Plan:
     external: tuple[int, ...] = ()
     readers: Mapping[str, frozenset[int]] = field(default_factory=dict)
     derived: Layout | None = None
+    unread: Mapping[StreamKey, frozenset[str]] = field(default_factory=dict)
 
 
 def plan(spec: Spec) -> Plan:
@@ -133,7 +136,15 @@ def plan(spec: Spec) -> Plan:
     timed = any(p.time == "seconds" for p in spec.properties)
     external = tuple(i for i, p in enumerate(spec.properties) if p.external is not None)
     streams = {s.key: making.stream(s) for s in spec.streams}
-    return Plan(spec, streams, silent, timed, external, making.readers(), making.derived(silent))
+    derived = making.derived(silent)
+    read = {key: stream.derives for key, stream in streams.items()} | {TICKS: () if derived is None else derived.silent}
+    unread = {key: _unread(spec.derive, found) for key, found in read.items()}
+    return Plan(spec, streams, silent, timed, external, making.readers(), derived, unread)
+
+
+def _unread(definitions: Sequence[Definition], found: Sequence[Part]) -> frozenset[str]:
+    """The derived signals that have no value where these parts of them are."""
+    return frozenset(d.name for d in definitions) - {definitions[part.index].name for part in found if part.wanted}
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from oracle_server.core.atoms import Matches
-from oracle_server.core.events import Signals, Step, StreamKey
+from oracle_server.core.events import TICKS, Signals, Step, StreamKey
 from oracle_server.core.kinds import TICK
 from oracle_server.core.naming import event_name
 from oracle_server.core.past import Past, Seen
@@ -98,11 +98,16 @@ class Recent:
             self._append((place, time, StreamKey(*stream), stamp, monitor, seq, signals, failed, number, row))
 
     def past(
-        self, views: Callable[[StreamKey], View], tick: Tick | None = None, spent: Callable[[int], None] | None = None
+        self,
+        views: Callable[[StreamKey], View],
+        tick: Tick | None = None,
+        spent: Callable[[int], None] | None = None,
+        unread: Callable[[StreamKey], Collection[str]] = lambda _: _NONE,
     ) -> Past:
         """These steps, and a tick after them, as a property observes them by its view of each stream.
 
-        `spent` is told what the explanation costs.
+        `spent` is told what the explanation costs; `unread` are the derived signals that a stream's steps, and ticks,
+        do not have since no formula reads them there.
         """
         steps = self._last
         times = [time for _, time, *_ in steps] + ([] if tick is None else [tick[0]])
@@ -115,10 +120,10 @@ class Recent:
 
         def seen(place: int) -> Seen:
             if place < len(steps):
-                known = _seen(steps[place])
+                known = _seen(steps[place])._replace(unread=unread(steps[place][2]))
                 return known._replace(number=None) if self._unnumbered and place == len(steps) - 1 else known
             assert tick is not None  # noqa: S101 -- else there is no such step
-            return Seen(None, tick[0], "", tick[2], tick[3])
+            return Seen(None, tick[0], "", tick[2], tick[3], unread(TICKS))
 
         noun = "step" if all(kept[0] == kept[_NUMBER] for kept in steps) else "place"
         return Past(times, matches, self._effort, seen, spent, noun)

@@ -143,7 +143,8 @@ class Telling:
             return None
         views = self.plan.streams
         tick = None if self._tick is None else (self._tick[0], self.plan.silent[index], *self._tick[1:])
-        return self._recent.past(lambda stream: views[stream].views[index], tick, self._note_effort)
+        unread = self.plan.unread
+        return self._recent.past(lambda stream: views[stream].views[index], tick, self._note_effort, unread.__getitem__)
 
     def _note_effort(self, effort: int) -> None:
         self._explained += effort

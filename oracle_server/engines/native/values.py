@@ -42,6 +42,8 @@ def telling(part: Part, atom: Atom, seen: Seen) -> str:
 def _failing(part: Part, constraint: Constraint, seen: Seen) -> Failing | None:
     key, wanted = constraint.key, _wanted(part, constraint, seen)
     value = seen.signals.get(key)
+    if value is None and key in seen.unread:
+        return None  # another constraint is never met there
     if value is None:
         return Failing(key, constraint.op, wanted, None, "failed" if key in seen.failed else "absent")
     if isinstance(constraint.value, Ref):
