@@ -16,7 +16,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         from oracle_ros2.program import run  # takes half a second, in which a signal may come
     except ImportError as error:
-        hint = ": ROS 2 is not there for this Python, source its setup.bash" if "rclpy" in str(error.name) else ""
+        hint = ": ROS 2 is not there for this Python, source its setup.bash" if error.name == "rclpy" else ""
         sys.stderr.write(f"{error}{hint}\n")
         return 2
     return run(sys.argv if arguments is None else arguments, stopping)

@@ -10,18 +10,14 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
 from oracle_adapter.unpublished import Unpublished
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy
 
 from oracle_ros2.numbering import is_numbered
-from oracle_ros2.qos import DEPTH, same, to_request
+from oracle_ros2.qos import DEPTH, NO_SUBSCRIPTION_EVENTS, same, to_request
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
-
-# What does not match is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
-NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 UNKNOWN = "a node of unknown name"
 _UNNAMED = {

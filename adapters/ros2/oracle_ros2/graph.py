@@ -62,8 +62,8 @@ def past_proxy(node: Node, service: str, proxy: str) -> str:
     That a node has a client is on the graph, and not whether it calls.
     """
     service, proxy = node.resolve_service_name(service), node.resolve_service_name(proxy)  # counts take no remaps
-    callers = _besides(node, node.count_clients(service), node.get_client_names_and_types_by_node, service)
-    servers = _besides(node, node.count_services(proxy), node.get_service_names_and_types_by_node, proxy)
+    callers = _besides(node, _count_clients(node, service), node.get_client_names_and_types_by_node, service)
+    servers = _besides(node, _count_services(node, proxy), node.get_service_names_and_types_by_node, proxy)
     troubles = [f"{other} can call {service} past the monitor" for other in callers]
     troubles += [f"{other} serves {proxy} beside the monitor" for other in servers]
     return "; ".join(troubles)
@@ -135,6 +135,16 @@ def doubled(node: Node) -> list[str]:
     """The names that several nodes have, `node` among them: what is asked by a name is told of one of them."""
     counts = Counter(node.get_node_names_and_namespaces())
     return sorted(_full(*named) for named, count in counts.items() if count > 1)
+
+
+def _count_clients(node: Node, service: str) -> int:
+    if hasattr(node, "count_clients"):
+        return int(node.count_clients(service))
+    return len(node.get_publishers_info_by_topic(f"rq{service}Request", no_mangle=True))  # Humble, on DDS
+
+
+def _count_services(node: Node, service: str) -> int:
+    return int(node.count_services(service)) if hasattr(node, "count_services") else len(servers(node, service))
 
 
 def _besides(node: Node, count: int, read: Named, wanted: str) -> list[str]:

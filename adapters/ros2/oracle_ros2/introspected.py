@@ -10,9 +10,8 @@ from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
 from oracle_adapter.unpublished import Unpublished
 from rclpy.serialization import deserialize_message
-from service_msgs.msg import ServiceEventInfo
 
-from oracle_ros2.codec import lacking, load_type, reader
+from oracle_ros2.codec import CodecError, lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import hidden
 from oracle_ros2.numbering import Numbers, source_of
@@ -31,7 +30,7 @@ MOST = 10_000
 """Calls without an answer that are remembered."""
 SERVICES = {"goal": "send_goal", "reply": "send_goal", "cancel": "cancel_goal", "result": "get_result"}
 _STATUS = hidden("", "status")
-_REQUEST, _RESPONSE = ServiceEventInfo.REQUEST_RECEIVED, ServiceEventInfo.RESPONSE_SENT
+_REQUEST, _RESPONSE = 1, 2  # REQUEST_RECEIVED and RESPONSE_SENT of service_msgs/ServiceEventInfo, which Humble lacks
 
 
 class CallStream:
@@ -64,6 +63,8 @@ class ServiceEvents:
         self, shared: Shared, service: str, service_type: Any,
         on_request: Callable[[Any, Any, int], Goal], on_response: Callable[[Any, Any, int, Goal], None],
     ) -> None:  # fmt: skip
+        if not hasattr(service_type, "Event"):
+            raise CodecError(f"{service} can't be observed: services tell of their calls since ROS 2 Iron")
         self._type, self._service = service_type.Event, service
         self._on_request, self._on_response = on_request, on_response
         self._numbers, self._calls = Numbers(), call_numbers()

@@ -12,7 +12,6 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
 from rclpy.logging import get_logger
-from rclpy.subscription import Subscription
 
 from oracle_ros2.responses import send
 
@@ -107,8 +106,8 @@ def _timer(timer: Any) -> Callable[[], None]:
 
 def _subscription(subscription: Any) -> Callable[[], None]:
     handle, message_type, callback = subscription.handle, subscription.msg_type, subscription.callback
-    wants_info = subscription._callback_type is Subscription.CallbackType.WithMessageInfo  # noqa: SLF001 -- no other way
-    parts, raw = 2 if wants_info else 1, subscription.raw
+    raw = subscription.raw
+    parts = 2 if raw else 1  # only those of `MatchedSubscription` are raw; rclpy's own, as that of /clock, are not
 
     def take() -> None:
         with handle:

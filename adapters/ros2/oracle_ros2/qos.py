@@ -13,6 +13,15 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 
+try:
+    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+except ImportError:  # in Humble
+    from rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
+
+# What does not match is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+
 DEPTH = 1000
 FOREVER = 2**62  # ns; the graph has a larger number where there is no end
 

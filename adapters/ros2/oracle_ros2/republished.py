@@ -10,16 +10,12 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
-from rclpy.event_handler import PublisherEventCallbacks
-
 from oracle_ros2.endpoints import MATCHING, definition_of, full_name
-from oracle_ros2.qos import lasts, misfit, same, to_offer
+from oracle_ros2.qos import NO_EVENTS, lasts, misfit, same, to_offer
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
-
-NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 
 
 class MatchedPublisher:

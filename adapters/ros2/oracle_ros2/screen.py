@@ -9,7 +9,7 @@ from oracle_adapter import Status, graph_name, monitors
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from oracle_ros2.republished import NO_EVENTS
+from oracle_ros2.qos import NO_EVENTS
 
 if TYPE_CHECKING:
     from rclpy.node import Node
