@@ -20,9 +20,11 @@ from tests.ros2.acting import (
     Client,
     acting,
     action_msgs,
+    action_srvs,
     hex_of,
     qos,
     streams,
+    test_msgs,
 )
 from tests.ros2.harness import eventually
 
@@ -353,6 +355,20 @@ def test_who_can_act_past_the_monitor_is_told(tmp_path: Path) -> None:
         eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda found: text in found)
         past.leave()
         eventually(lambda: scene.judge.reports["/fib goal"], lambda found: not found)
+        scene.adapter.ends_well()
+
+
+@pytest.mark.parametrize(("kind", "service"), [("CancelGoal", "cancel_goal"), ("GetResult", "get_result")])
+def test_who_can_only_cancel_or_get_results_past_the_monitor_is_told(kind: str, service: str, tmp_path: Path) -> None:
+    """As where one of an action's five names is not remapped, each by itself before Kilted."""
+    types = {"CancelGoal": action_srvs.CancelGoal, "GetResult": test_msgs.Fibonacci.Impl.GetResultService}
+    with acting(tmp_path, streams("goal")) as scene:
+        pilot = scene.scene.peer("pilot")
+        client = pilot.node.create_client(types[kind], f"/fib/_action/{service}")
+        text = f"/pilot can call /fib/_action/{service} past the monitor"
+        eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda found: text in found)
+        pilot.node.destroy_client(client)
+        eventually(lambda: scene.judge.reports["/fib goal"], lambda found: text not in found)
         scene.adapter.ends_well()
 
 

@@ -61,7 +61,7 @@ def test_a_publisher_in_another_s_place_is_the_monitor_s_own(scene: Scene) -> No
 
 
 def calls(monitor: Peer) -> str:
-    return str(graph.past_proxy(monitor.node, "/led", "/led_mon"))
+    return str(graph.past_proxy(monitor.node, ("/led", "/led_mon")))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_who_calls_past_the_monitor_is_told_where_ros_has_moved_the_service(scen
     pilot.node.create_client(srv.Trigger, "/base/led")
     pilot.node.create_service(srv.Trigger, "/base/led_mon", lambda _, response: response)
     text = "/pilot can call /base/led past the monitor; /pilot serves /base/led_mon beside the monitor"
-    eventually(lambda: graph.past_proxy(node, "/led", "/led_mon"), lambda trouble: trouble == text)
+    eventually(lambda: graph.past_proxy(node, ("/led", "/led_mon")), lambda trouble: trouble == text)
     node.destroy_node()
 
 

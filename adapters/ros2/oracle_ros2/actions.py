@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from oracle_ros2.standing import StatusStream
     from oracle_ros2.topics import Observed
 
+SERVICES = ("send_goal", "cancel_goal", "get_result")
 RESULT_DISCOVERY = 10.0
 """Seconds for an action's server to be discovered before a result is told as ABORTED: the goal may be one that it has
 accepted before this adapter began, and go on."""
@@ -51,7 +52,7 @@ class ProxiedAction:
         self._denied: Mapping[str, Any] = first.get("denied_result") or {}
         write(self._type.Result(), self._denied)
         served, proxy = shared.names[self.name], shared.names[first["proxy"]]
-        self._served, self._proxy = hidden(served, "send_goal"), hidden(proxy, "send_goal")
+        self._proxied = [(hidden(served, service), hidden(proxy, service)) for service in SERVICES]
         self._goals, self._now = Goals(), time_of(node)
 
         contents = {"goal": self._type.Goal, "reply": impl.SendGoalService.Response, "cancel": GoalInfo,
@@ -117,7 +118,7 @@ class ProxiedAction:
         relays = self._sending, self._cancelling, self._results
         found = [*self._feedback.look(), *self._status.look(), *(text for relay in relays for text in relay.look())]
         self._abort(self._orphaned())
-        past = past_proxy(self._node, self._served, self._proxy), self._feedback.bypass, self._status.bypass
+        past = past_proxy(self._node, *self._proxied), self._feedback.bypass, self._status.bypass
         self.bypass = "; ".join(text for text in past if text)
         if self._results.is_there:
             self._trouble = ""

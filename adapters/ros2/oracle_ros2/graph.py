@@ -56,17 +56,26 @@ def servers(node: Node, service: str) -> frozenset[bytes]:
     return frozenset(bytes(info.endpoint_gid) for info in found)
 
 
-def past_proxy(node: Node, service: str, proxy: str) -> str:
-    """Who can call a service without its proxy, and who serves the proxy's name besides `node`; else an empty text.
+def past_proxy(node: Node, *proxied: tuple[str, str]) -> str:
+    """Who can call services without their proxies, and who serves a proxy's name besides `node`; else an empty text.
 
-    That a node has a client is on the graph, and not whether it calls.
+    `proxied`: services with their proxies; of those of one action a node is told once. That a node has a client is on
+    the graph, and not whether it calls.
     """
-    service, proxy = node.resolve_service_name(service), node.resolve_service_name(proxy)  # counts take no remaps
+    troubles: dict[tuple[str, str], str] = {}
+    for service, proxy in proxied:
+        _find_past(node, node.resolve_service_name(service), node.resolve_service_name(proxy), troubles)
+    return "; ".join(troubles.values())
+
+
+def _find_past(node: Node, service: str, proxy: str, troubles: dict[tuple[str, str], str]) -> None:
+    """Tell of one service, by names that ROS has resolved: counts take no remaps."""
     callers = _besides(node, _count_clients(node, service), node.get_client_names_and_types_by_node, service)
     servers = _besides(node, _count_services(node, proxy), node.get_service_names_and_types_by_node, proxy)
-    troubles = [f"{other} can call {service} past the monitor" for other in callers]
-    troubles += [f"{other} serves {proxy} beside the monitor" for other in servers]
-    return "; ".join(troubles)
+    for other in callers:
+        troubles.setdefault(("calls", other), f"{other} can call {service} past the monitor")
+    for other in servers:
+        troubles.setdefault(("serves", other), f"{other} serves {proxy} beside the monitor")
 
 
 def unguarded(node: Node, heard: str, given: str) -> str:

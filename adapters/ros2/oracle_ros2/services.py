@@ -57,7 +57,7 @@ class ProxiedService:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        self.bypass = past_proxy(self._node, self._served, self._proxy)
+        self.bypass = past_proxy(self._node, (self._served, self._proxy))
         troubles = (self.bypass, *self._relay.look(), self._request.lacking, self._response.lacking)
         return "; ".join(trouble for trouble in troubles if trouble)
 
