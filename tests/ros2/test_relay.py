@@ -103,3 +103,24 @@ def test_a_relay_in_another_s_place_numbers_its_calls_otherwise(peer: Peer) -> N
         made._serve(srv.Trigger.Request(), lambda response: None)
         made.destroy()
     assert len(set(numbers)) == 2
+
+
+def test_requests_that_can_not_be_read_are_told_as_one_trouble_and_counted_with_the_next_call(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, calls = [100.0], list[Any]()
+    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", calls.append, lambda call, _: None)
+    assert list(made.look()) == []
+    for why in ("it is torn", "it is odd"):
+        made._service.callback.unread(why)
+    told = ["a request of /led_mon can't be read, and gets no answer: it is torn"]
+    assert list(made.look()) == told
+    for _ in range(2):
+        made._serve(srv.Trigger.Request(), lambda response: None)
+    assert [call.lost for call in calls] == [2, 0]
+    clock[0] += 9.9
+    assert list(made.look()) == told
+    clock[0] += 0.1
+    assert list(made.look()) == []
+    made.destroy()

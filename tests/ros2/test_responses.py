@@ -19,7 +19,8 @@ LATE = """
 
     rclpy.init()
     node, caller = rclpy.create_node("late"), rclpy.create_node("caller")
-    served = node.create_service(SetBool, "/late", Later(lambda _, reply: reply(SetBool.Response(message="here"))))
+    later = Later(lambda _, reply: reply(SetBool.Response(message="here")), print)
+    served = node.create_service(SetBool, "/late", later)
     send, tried = served.send_response, []
 
     def late(response, header):
@@ -54,7 +55,7 @@ def test_a_response_is_sent_again_until_its_client_is_discovered() -> None:
 
 
 ODD = """
-    import threading
+    import sys, threading
     import rclpy
     from oracle_ros2.loop import Later, Loop
     from std_srvs.srv import SetBool
@@ -72,7 +73,9 @@ ODD = """
     rclpy.init()
     node, other = rclpy.create_node("late"), rclpy.create_node("other")
     if "SIDE" == "Request":
-        served = node.create_service(SetBool, "/odd", Later(lambda _, reply: reply(SetBool.Response(message="here"))))
+        unread = lambda why: print("a request of /odd can't be read:", why, file=sys.stderr)
+        later = Later(lambda _, reply: reply(SetBool.Response(message="here")), unread)
+        served = node.create_service(SetBool, "/odd", later)
         served.srv_type = OddAtFirst
         client, odd = other.create_client(SetBool, "/odd"), served
     else:

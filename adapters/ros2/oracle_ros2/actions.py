@@ -158,7 +158,8 @@ class ProxiedAction:
         goal = _goal_of(call)
         self._goals.begin(goal, self._now())
         forward = self._sending.forward
-        self._judge("goal", call.request.goal, lambda: forward(call), lambda: self._reject(call), goal, call.number)
+        give, refuse = lambda: forward(call), lambda: self._reject(call)
+        self._judge("goal", call.request.goal, give, refuse, goal, call.number, lost=call.lost)
 
     def _answer_goal(self, call: Call, response: Any) -> None:
         goal = _goal_of(call)
@@ -204,7 +205,8 @@ class ProxiedAction:
     def _ask_cancel(self, call: Call) -> None:
         info = call.request.goal_info
         goal = bytes(info.goal_id.uuid)
-        self._judge("cancel", info, lambda: self._cancel(call, goal), lambda: self._keep(call), goal, call.number)
+        give, refuse = lambda: self._cancel(call, goal), lambda: self._keep(call)
+        self._judge("cancel", info, give, refuse, goal, call.number, lost=call.lost)
 
     def _cancel(self, call: Call, goal: Goal) -> bool:
         """Pass a cancel on, not before its goal: what is on its way would go on else."""
@@ -303,13 +305,13 @@ class ProxiedAction:
 
     def _judge(
         self, kind: str, message: Any, give: Callable[[], bool], refuse: Callable[[], object], goal: Goal,
-        call: int | None = None, status: str | None = None, when: When = now,
+        call: int | None = None, status: str | None = None, when: When = now, lost: int = 0,
     ) -> None:  # fmt: skip
         side = self._sides.get(kind)
         if side is None:
             when(give)
         else:
-            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status, when)
+            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status, when, lost)
 
 
 def _goal_of(call: Call) -> Goal:

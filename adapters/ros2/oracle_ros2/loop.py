@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 BURST = 100
 """Messages of one subscription that are taken before others are looked at."""
+AGAIN = 10.0
+"""Seconds until it is logged again that responses can't be read."""
 
 Reply = Callable[[Any], None]
 
@@ -27,8 +29,9 @@ Reply = Callable[[Any], None]
 class Later:
     """A service's callback that gets the request, and a function to reply by, at any time and in any thread."""
 
-    def __init__(self, take: Callable[[Any, Reply], None]) -> None:
-        self.take = take
+    def __init__(self, take: Callable[[Any, Reply], None], unread: Callable[[str], None]) -> None:
+        """`unread` is told why a request can't be read; who sent it gets no answer."""
+        self.take, self.unread = take, unread
 
     def __call__(self, _request: Any, _response: Any) -> Any:
         """Refuse: an executor of rclpy's sends what is returned, at once."""
@@ -128,7 +131,8 @@ def _client(client: Any) -> Callable[[], None]:
             with handle:
                 header, response = handle.take_response(response_type)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
-            _tell(f"a response of {client.srv_name} can't be read, and its caller gets none: {error}")
+            text = f"a response of {client.srv_name} can't be read, and its caller gets none: {error}"
+            get_logger("oracle").error(text, throttle_duration_sec=AGAIN)
             return
         if header is None:
             return
@@ -149,7 +153,8 @@ def _service(service: Any) -> Callable[[], None]:
             with handle:
                 request, header = handle.service_take_request(kind.Request)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
-            _tell(f"a request of {service.srv_name} can't be read, and gets no answer: {error}")
+            if isinstance(callback, Later):
+                callback.unread(str(error) or type(error).__name__)
             return
         if header is None:
             return
@@ -163,10 +168,6 @@ def _service(service: Any) -> Callable[[], None]:
             reply(callback(request, kind.Response()))
 
     return take
-
-
-def _tell(text: str) -> None:
-    get_logger("oracle").error(text)
 
 
 _TAKES: dict[str, Callable[[Any], Callable[[], None]]] = {

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
 UNDERWAY = 0.2  # seconds that an answer may take to its client
+UNREAD = 10.0  # seconds for which it is told that a request can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
 
@@ -32,6 +33,8 @@ class Call:
     number: int
     request: Any
     reply: Reply
+    lost: int = 0
+    """How many requests before it could not be read."""
     allowed: float = 0.0
     """When it might go to the service (s); 0 while that is not decided."""
     forwarded: bool = False
@@ -62,10 +65,12 @@ class Relay:
         self._early: deque[Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
+        self._lost, self._unread, self._unread_at = 0, "", 0.0
         self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
-        self._service = node.create_service(service_type, proxy, Later(self._serve), qos_profile=CALLS)
-        self._types = CallTypes(node, self._served, node.resolve_service_name(proxy))
+        self._service = node.create_service(service_type, proxy, Later(self._serve, self._lose), qos_profile=CALLS)
+        self._proxy = node.resolve_service_name(proxy)
+        self._types = CallTypes(node, self._served, self._proxy)
 
     @property
     def is_there(self) -> bool:
@@ -129,7 +134,11 @@ class Relay:
 
     def look(self) -> Iterator[str]:
         """Look at the other nodes again, and return whose calls and answers do not come."""
-        return self._types.troubles()
+        if self._unread and time.monotonic() - self._unread_at >= UNREAD:
+            self._unread = ""
+        if self._unread:
+            yield f"a request of {self._proxy} can't be read, and gets no answer: {self._unread}"
+        yield from self._types.troubles()
 
     def destroy(self) -> None:
         """Serve no more."""
@@ -137,10 +146,15 @@ class Relay:
         self._node.destroy_client(self._client)
 
     def _serve(self, request: Any, reply: Reply) -> None:
-        call = Call(next(self._calls), request, reply)
+        call = Call(next(self._calls), request, reply, self._lost)
+        self._lost = 0
         with self._lock:
             self._open[call.number] = call
         self._on_request(call)
+
+    def _lose(self, why: str) -> None:
+        self._lost += 1
+        self._unread, self._unread_at = self._unread or why, time.monotonic()
 
     def _forward(self, call: Call) -> None:
         with self._lock:

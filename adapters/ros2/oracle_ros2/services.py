@@ -69,7 +69,7 @@ class ProxiedService:
 
     def _ask(self, call: Call) -> None:
         forward = self._relay.forward
-        self._request.judge(call.request, lambda: forward(call), lambda: self._deny(call), call.number)
+        self._request.judge(call.request, lambda: forward(call), lambda: self._deny(call), call.number, lost=call.lost)
 
     def _answer(self, call: Call, response: Any) -> None:
         reply = self._relay.reply

@@ -14,6 +14,7 @@ from oracle_ros2.stamps import stamp_reader, time_of
 if TYPE_CHECKING:
     from oracle_adapter import Answer, TimeSource
     from oracle_adapter.interfaces import Stream
+    from oracle_adapter.link import Details
 
     from oracle_ros2.shared import Shared
 
@@ -51,18 +52,20 @@ class Side:
 
     def judge(
         self, message: Any, give: Callable[[], bool], refuse: Callable[[], object], call: int | None = None,
-        goal_id: str | None = None, status: str | None = None, when: When = now,
+        goal_id: str | None = None, status: str | None = None, when: When = now, lost: int = 0,
     ) -> None:  # fmt: skip
         """Report an event, and call `give` where it passes, else `refuse`; after a decision in the link's thread.
 
-        `give` returns whether it was passed on. `when` calls what settles the event, at once or later.
+        `give` returns whether it was passed on. `when` calls what settles the event, at once or later. `lost`: how many
+        before it could not be read.
         """
         # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = self._stamp(message) or self._time
         data = self._read(message)
+        more: Details = {"call": call, "goal_id": goal_id, "status": status, "lost": lost}
         passing = self._passing
         if passing is None:
-            self._link.send(self.name, self.kind, stamp, data, call=call, goal_id=goal_id, status=status)
+            self._link.send(self.name, self.kind, stamp, data, **more)
             when(give)
             return
 
@@ -71,4 +74,4 @@ class Side:
             if not passed:
                 refuse()
 
-        passing.ask(stamp, data, lambda answer: when(lambda: settle(answer)), call=call, goal_id=goal_id, status=status)
+        passing.ask(stamp, data, lambda answer: when(lambda: settle(answer)), **more)
