@@ -30,7 +30,7 @@ from oracle_server.core.kinds import OWN
 from oracle_server.core.lingering import lingers
 from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
-from oracle_server.core.ros import odd_names
+from oracle_server.core.ros import odd_names, twins_left_open
 from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes
@@ -52,6 +52,7 @@ def inspect(
     found = [
         *_duplicates(spec),
         *odd_names(spec),
+        *twins_left_open(spec),
         *_signals(spec),
         *_expressions(spec),
         *_held_elsewhere(spec),

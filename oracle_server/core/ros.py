@@ -22,6 +22,10 @@ _WITHOUT_STAMP = {
     "visualization_msgs": ("MarkerArray",),
 }  # fmt: skip
 
+_TYPES = {"set_parameters": "SetParameters", "set_parameters_atomically": "SetParametersAtomically"}
+_SETTERS = dict(zip(_TYPES, reversed(_TYPES), strict=True))
+"""What ROS 2's nodes set parameters by, and what else sets the same."""
+
 
 def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
     """What `check --ros` warns of."""
@@ -42,6 +46,25 @@ def odd_names(spec: Spec) -> Iterator[SpecProblem]:
                 ("streams", i, stream.traits.group),
                 f"stream '{stream.name}': ROS 2 has no name {odd}, and ROS 1 reads `{plain or '/'}` for it"
                 + (f"; write `{plain}`" if plain else ""),
+                severity="warning",
+            )
+
+
+def twins_left_open(spec: Spec) -> Iterator[SpecProblem]:
+    """Services that set a node's parameters and are filtered, beside the other one that does and is not: warnings."""
+    filtered = {stream.name for stream in spec.streams if stream.kind == "request" and stream.action == "filter"}
+    for i, stream in enumerate(spec.streams):
+        node, _, name = stream.name.rpartition("/")
+        twin = _SETTERS.get(name)
+        if twin is None or stream.kind != "request" or stream.name not in filtered:
+            continue
+        package, _, kind = stream.type.partition("/")
+        is_setter = package == "rcl_interfaces" and kind.removeprefix("srv/") == _TYPES[name]
+        if is_setter and f"{node}/{twin}" not in filtered:
+            yield SpecProblem(
+                ("streams", i, stream.traits.group),
+                f"{stream.name} is filtered, and `{node}/{twin}`, which sets the same parameters, is not: "
+                f"filter it too, with `type: rcl_interfaces/srv/{_TYPES[twin]}`",
                 severity="warning",
             )
 
