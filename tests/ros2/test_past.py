@@ -196,3 +196,16 @@ def test_a_monitor_is_one_before_its_node_has_a_name() -> None:
     assert (monitors.have(lines), monitors.have(bare)) == (True, False)
     names["lines"], names["error"] = "camera", "uav2"  # nodes of one process
     assert not monitors.have(lines)
+
+
+def test_where_publishers_are_not_told_it_is_said_that_monitors_are_heard(scene: Scene) -> None:
+    """As before Kilted: what it says of a violation is an event, which may violate again."""
+    monitor = scene.peer("uav1")
+    heard = endpoints.MatchedSubscription(monitor.node, msg.String, "/said", lambda *_: None)
+    monitors = graph.Monitors(monitor.node, heard)
+    monitors.look()
+    assert monitors.doubt == ""
+    assert not monitors.have("")
+    monitors.look()
+    assert monitors.doubt.endswith("what monitors say here is taken for the robot's")
+    heard.stop()

@@ -20,6 +20,7 @@ SETTLED = 4.0  # seconds without a change after which discovery is taken to be c
 DISCOVERY_LIMIT = 20.0
 PARTICIPANT = 24  # digits of a publisher's number that are those of its participant
 NAMING = 2.0  # seconds in which a new publisher's node is looked for at each of its messages
+UNTOLD = "who publishes it is not told before ROS 2 Kilted: what monitors say here is taken for the robot's"
 NOISE = ("/rosout", "/parameter_events")
 PARAMETERS = ("describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
               "list_parameters", "set_parameters", "set_parameters_atomically")  # fmt: skip
@@ -103,8 +104,9 @@ class Monitors:
         self._names: frozenset[str] = frozenset()
         self._participants: frozenset[str] = frozenset()
         self._nameless: frozenset[str] = frozenset()  # the participants of monitors whose nodes are not known yet
+        self._untold = False
         self.doubt = ""
-        """Who may be none, as of the last look."""
+        """Who may be none, as of the last look, or that they can't be told from others."""
         self._since: dict[str, float] = {}  # when sources were first heard (s)
 
     def look(self) -> None:
@@ -115,14 +117,15 @@ class Monitors:
         self._names = frozenset(full_name(info) for info in found if is_named(info))
         named = {topic: [full_name(info) for info in infos if is_named(info)] for topic, infos in by_topic.items()}
         others = set(self._heard.nodes) - {self._node.get_fully_qualified_name()}
-        self.doubt = doubt_text(doubtful(named), others)
+        self.doubt = UNTOLD if self._untold else doubt_text(doubtful(named), others)
         self._participants = frozenset(map(_participant, found))
         self._nameless = frozenset(_participant(info) for info in found if full_name(info) == UNKNOWN)
         self._since = {one: at for one, at in self._since.items() if self._heard.publisher(one) is not None}
 
     def have(self, source: str) -> bool:
         """Whether a source of what is heard is theirs; never where sources are not told, as before Kilted."""
-        if not source:
+        self._untold = not source
+        if self._untold:
             return False
         now = time.monotonic()
         since = self._since.setdefault(source, now)
