@@ -214,14 +214,16 @@ def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:
 
 def test_what_the_installed_type_does_not_have_is_told(tmp_path: Path) -> None:
     lacking = "test_msgs/msg/BasicTypes\n    stamp: header.stmp\n    signals: {n: msg.int32_valu + msg.int64_value}\n"
-    service = "  - service: /trigger\n    type: test_msgs/srv/BasicTypes\n    request: {signals: {r: msg.bol.x}}\n"
+    request = "request: {stamp: at, signals: {r: msg.bol.x}}"
+    service = f"  - service: /trigger\n    type: test_msgs/srv/BasicTypes\n    {request}\n"
     specs = spec_folder(tmp_path, SPEC.replace("std_msgs/msg/Int64\nproperties", f"{lacking}{service}properties"))
     with Scene(tmp_path, specs) as scene:
         adapter = scene.adapter("gate")
         told = {
             "/logged": "test_msgs/msg/BasicTypes has no time at `header.stmp`: ordered by middleware instead; "
             "the spec reads msg.int32_valu, which test_msgs/msg/BasicTypes does not have here",
-            "/trigger": "the spec reads msg.bol.x, which the request of test_msgs/srv/BasicTypes does not have here",
+            "/trigger": "the spec reads msg.bol.x, which the request of test_msgs/srv/BasicTypes does not have here; "
+            "the request of test_msgs/srv/BasicTypes has no time at `at`: ordered by arrival instead",
         }
         for stream, trouble in told.items():
             adapter.said(f"{stream}: {trouble}")
@@ -231,6 +233,9 @@ def test_what_the_installed_type_does_not_have_is_told(tmp_path: Path) -> None:
             return {s["stream"]: s["trouble"] for s in monitor["streams"] if s["trouble"]}
 
         eventually(troubles, lambda found: found == told)
+        [monitor] = scene.server.session("s")["monitors"]
+        sources = {(s["stream"], s["kind"]): s["time_source"] for s in monitor["streams"]}
+        assert sources["/trigger", "request"] == "arrival"
 
 
 def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:

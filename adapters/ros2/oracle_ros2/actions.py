@@ -122,8 +122,8 @@ class ProxiedAction:
         self.bypass = "; ".join(text for text in past if text)
         if self._results.is_there:
             self._trouble = ""
-        lacking = [side.lacking for side in self._sides.values()]
-        troubles = (past[0], *found, *lacking, *self._withdrawals.troubles(), self._trouble)
+        sides = [side.trouble for side in self._sides.values()]
+        troubles = (past[0], *found, *sides, *self._withdrawals.troubles(), self._trouble)
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:

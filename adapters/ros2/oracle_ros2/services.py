@@ -58,7 +58,7 @@ class ProxiedService:
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
         self.bypass = past_proxy(self._node, (self._served, self._proxy))
-        troubles = (self.bypass, *self._relay.look(), self._request.lacking, self._response.lacking)
+        troubles = (self.bypass, *self._relay.look(), self._request.trouble, self._response.trouble)
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def catch_up(self) -> None:

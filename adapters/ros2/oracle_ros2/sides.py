@@ -9,7 +9,7 @@ from oracle_adapter.interfaces import is_filtered
 from oracle_adapter.passing import Passing
 
 from oracle_ros2.codec import lacking, reader
-from oracle_ros2.stamps import stamp_reader, time_of
+from oracle_ros2.stamps import misplaced, stamp_reader, time_of
 
 if TYPE_CHECKING:
     from oracle_adapter import Answer, TimeSource
@@ -36,14 +36,16 @@ class Side:
         self._passing: Passing | None = None
         if is_filtered(stream):
             self._passing = Passing(shared.link, shared.board, stream, shared.clocks)
-        self.lacking = not_there(
-            f"the {self.kind} of {stream['type']}", lacking(message_type, stream.get("reads") or ())
-        )
-        """Which fields the spec reads that the type does not have here."""
+        what = f"the {self.kind} of {stream['type']}"
+        troubles = [not_there(what, lacking(message_type, stream.get("reads") or ()))]
         self._read = reader(message_type, stream["fields"])
-        self.latency: int | None = stream["latency"] if stream["stamp"] else None
-        self.time_source: TimeSource = "field" if stream["stamp"] else "arrival"
-        self._stamp = (stream["stamp"] and stamp_reader(message_type, stream["stamp"])) or (lambda _: None)
+        self._stamp = stream["stamp"] and stamp_reader(message_type, stream["stamp"])
+        self.latency: int | None = stream["latency"] if self._stamp else None
+        self.time_source: TimeSource = "field" if self._stamp else "arrival"
+        if stream["stamp"] and not self._stamp:
+            troubles.append(misplaced(what, stream["stamp"], self.time_source))
+        self.trouble = "; ".join(filter(None, troubles))
+        """Which fields the spec reads, or orders it by, that the type does not have here."""
 
     @property
     def asks(self) -> bool:
@@ -60,7 +62,7 @@ class Side:
         before it could not be read.
         """
         # stamped under the link's lock, so that no clock can exclude it before it is queued
-        stamp = self._stamp(message) or self._time
+        stamp = (self._stamp and self._stamp(message)) or self._time
         data = self._read(message)
         more: Details = {"call": call, "goal_id": goal_id, "status": status, "lost": lost}
         passing = self._passing

@@ -10,6 +10,7 @@ from rclpy.clock import JumpHandle, JumpThreshold
 from rclpy.duration import Duration
 
 if TYPE_CHECKING:
+    from oracle_adapter import TimeSource
     from rclpy.node import Node
 
 _DEFAULTS = ("header.stamp", "stamp")
@@ -47,6 +48,11 @@ def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | N
         if isinstance(found, int | float) and not isinstance(found, bool):
             return lambda message: nanoseconds(_at(message, names))
     return None
+
+
+def misplaced(what: str, path: str, source: TimeSource) -> str:
+    """What to say where something has no time at the `path` that the spec names, and is ordered by another one."""
+    return f"{what} has no time at `{path}`: ordered by {source} instead"
 
 
 def ros_time(stamp: Any) -> int:

@@ -17,7 +17,7 @@ from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import Monitors, unguarded
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
-from oracle_ros2.stamps import simulated, stamp_reader, time_of
+from oracle_ros2.stamps import misplaced, simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
     from oracle_adapter import Stamp, TimeSource
@@ -54,8 +54,7 @@ class Observed:
         self.misplaced = ""
         """Why its messages are not ordered by the field that the spec names."""
         if stream["stamp"] and self._stamp is None:
-            where = f"{stream['type']} has no time at `{stream['stamp']}`"
-            self.misplaced = f"{where}: ordered by {self.time_source} instead"
+            self.misplaced = misplaced(stream["type"], stream["stamp"], self.time_source)
         self.lacking = not_there(stream["type"], lacking(inner, stream.get("reads") or ()))
         """Which fields the spec reads that the type does not have here."""
         self._read = reader(inner, stream["fields"])
