@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, NamedTuple
 
 from action_msgs.msg import GoalInfo, GoalStatusArray
 from action_msgs.srv import CancelGoal
@@ -33,6 +33,13 @@ _STATUS = hidden("", "status")
 _REQUEST, _RESPONSE = 1, 2  # REQUEST_RECEIVED and RESPONSE_SENT of service_msgs/ServiceEventInfo, which Humble lacks
 
 
+class Told(NamedTuple):
+    """That a server tells of a call: when, by its message, and what takes how much was lost before."""
+
+    info: Any
+    take_lost: Callable[[], int]
+
+
 class CallStream:
     """Goals, replies, cancels or results, as the server tells of them."""
 
@@ -47,13 +54,14 @@ class CallStream:
         """Which fields the spec reads that the type does not have here."""
         self._read = reader(message_type, stream["fields"])
 
-    def send(self, info: Any, message: Any, goal: Goal, call: int | None = None, status: str | None = None) -> None:
+    def send(self, told: Told, message: Any, goal: Goal, call: int | None = None, status: str | None = None) -> None:
         """Report one of them."""
-        stamp = info.stamp.sec * 10**9 + info.stamp.nanosec
-        goal_id = goal.hex() if any(goal) else ""
+        stamp = told.info.stamp.sec * 10**9 + told.info.stamp.nanosec
+        goal_id, lost = goal.hex() if any(goal) else "", told.take_lost()
         self._link.send(
-            self.name, self.kind, stamp or None, self._read(message), call=call, goal_id=goal_id, status=status
-        )
+            self.name, self.kind, stamp or None, self._read(message),
+            call=call, goal_id=goal_id, status=status, lost=lost,
+        )  # fmt: skip
 
 
 class ServiceEvents:
@@ -61,7 +69,7 @@ class ServiceEvents:
 
     def __init__(
         self, shared: Shared, service: str, service_type: Any,
-        on_request: Callable[[Any, Any, int], Goal], on_response: Callable[[Any, Any, int, Goal], None],
+        on_request: Callable[[Told, Any, int], Goal], on_response: Callable[[Told, Any, int, Goal], None],
     ) -> None:  # fmt: skip
         if not hasattr(service_type, "Event"):
             raise CodecError(f"{service} can't be observed: services tell of their calls since ROS 2 Iron")
@@ -71,6 +79,7 @@ class ServiceEvents:
         self._open: dict[tuple[bytes, int], tuple[int, Goal]] = {}
         self.count = 0
         """How many messages have come."""
+        self._lost = 0  # since the last event
         self._empty = False  # it tells of calls, and not what was in them
         self._unreadable = ""  # why the last message can't be read
         self.subscription = MatchedSubscription(shared.node, self._type, f"{service}/_service_event", self._take)
@@ -87,22 +96,24 @@ class ServiceEvents:
         return troubles
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
-        if self._numbers.missed(source_of(info), info) < 0:
+        missed = self._numbers.missed(source_of(info), info)
+        if missed < 0:
             return
         self.count += 1
+        self._lost += missed
         try:
             event = deserialize_message(message, self._type)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             self._unreadable = str(error) or type(error).__name__
+            self._lost += 1
             return
         self._unreadable = ""
-        told = event.info
-        if told.event_type not in (_REQUEST, _RESPONSE):
+        if event.info.event_type not in (_REQUEST, _RESPONSE):
             return  # a client's side of it
-        asking = told.event_type == _REQUEST
+        told, asking = Told(event.info, self._take_lost), event.info.event_type == _REQUEST
         content = list(event.request if asking else event.response)
         self._empty = not content
-        key = bytes(told.client_gid), told.sequence_number
+        key = bytes(event.info.client_gid), event.info.sequence_number
         if not content:
             return
         if asking:
@@ -113,6 +124,10 @@ class ServiceEvents:
         elif key in self._open:  # else it was asked before this was heard
             call, goal = self._open.pop(key)
             self._on_response(told, content[0], call, goal)
+
+    def _take_lost(self) -> int:
+        lost, self._lost = self._lost, 0
+        return lost
 
 
 class IntrospectedAction:
@@ -198,24 +213,24 @@ class IntrospectedAction:
         for subscription in self._subscriptions:
             subscription.stop()
 
-    def _goal(self, info: Any, request: Any, call: int) -> Goal:
+    def _goal(self, told: Told, request: Any, call: int) -> Goal:
         goal = bytes(request.goal_id.uuid)
         if "goal" in self._sides:
-            self._sides["goal"].send(info, request.goal, goal, call)
+            self._sides["goal"].send(told, request.goal, goal, call)
         return goal
 
-    def _reply(self, info: Any, response: Any, call: int, goal: Goal) -> None:
+    def _reply(self, told: Told, response: Any, call: int, goal: Goal) -> None:
         if "reply" in self._sides:
             status = "accepted" if response.accepted else "rejected"
-            self._sides["reply"].send(info, response, goal, call, status)
+            self._sides["reply"].send(told, response, goal, call, status)
 
-    def _cancel(self, info: Any, request: Any, call: int) -> Goal:
+    def _cancel(self, told: Told, request: Any, call: int) -> Goal:
         goal = bytes(request.goal_info.goal_id.uuid)
-        self._sides["cancel"].send(info, request.goal_info, goal, call)
+        self._sides["cancel"].send(told, request.goal_info, goal, call)
         return goal
 
-    def _result(self, info: Any, response: Any, _call: int, goal: Goal) -> None:
-        self._sides["result"].send(info, response.result, goal, status=word(response.status))
+    def _result(self, told: Told, response: Any, _call: int, goal: Goal) -> None:
+        self._sides["result"].send(told, response.result, goal, status=word(response.status))
 
     def _take_feedback(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
@@ -236,9 +251,9 @@ class IntrospectedAction:
         self._status.take(statuses, info, lost)
 
 
-def _asked(_info: Any, request: Any, _call: int) -> Goal:
+def _asked(_told: Told, request: Any, _call: int) -> Goal:
     return bytes(request.goal_id.uuid)
 
 
-def _nothing(_info: Any, _response: Any, _call: int, _goal: Goal) -> None:
+def _nothing(_told: Told, _response: Any, _call: int, _goal: Goal) -> None:
     """What is answered to a cancel is no event."""
