@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import threading
 from functools import partial
 from pathlib import Path
@@ -130,6 +131,40 @@ def test_a_full_disk_is_told_once_and_counted(streams: Path) -> None:
     assert "No space left" in str(error)
     assert not error.fatal
     log.close()
+
+
+def test_what_a_full_disk_did_not_take_is_told_by_the_next_line(streams: Path, tmp_path: Path) -> None:
+    """What waited in a buffer was written later, up to some point, and what was missing was told by nothing."""
+    path, errors = tmp_path / "log.jsonl", list[LinkError]()
+    log = log_at(path, streams, errors)
+
+    def send(stamp: int) -> bool:
+        return log.send("/battery_percentage", "topic", stamp, {"id": stamp, "percentage": 90.0}, lost=1)
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for first in (1, 101):
+        assert send(first)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 50, before[1]))
+        try:
+            assert not any(send(stamp) for stamp in range(first + 1, first + 100))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert send(201)
+    log.close()
+    assert [(line["seq"], line["lost"]) for line in lines_of(path)] == [(1, 1), (101, 199), (201, 199)]
+    assert ["File too large" in str(error) for error in errors] == [True, True]
+    told = run("replay", SPEC, path)
+    assert "399 events lost while it was recorded" in told.stdout + told.stderr
+
+
+def test_a_log_that_ends_within_a_line_goes_on_with_the_next(streams: Path, tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    path.write_text('{"stream": "/a", "da', encoding="utf-8")
+    log = log_at(path, streams)
+    for stamp in (1, 2):
+        log.send("/a", "topic", stamp, {})
+    log.close()
+    assert [json.loads(line)["stamp"] for line in path.read_text(encoding="utf-8").splitlines()[1:]] == [1, 2]
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"spec": "x"}', '{"streams": [5], "spec": "x", "spec_digest": "y"}'])

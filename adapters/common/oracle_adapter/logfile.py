@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import threading
 import time
-from typing import IO, TYPE_CHECKING, Any, Callable, Dict, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Callable, Dict, Mapping, Optional
 
 from oracle_adapter.errors import LinkError
 from oracle_adapter.jsonvalues import dumps
@@ -49,11 +50,12 @@ class LogFile:
         self._lock = threading.Lock()
         self._stats = Stats()
         self._seq = self._arrived = 0
+        self._missed = 0  # events lost since the last line
         self._back = False
         try:
-            self._file: IO[str] = open(  # noqa: SIM115 - `close` closes it
-                path, "a", encoding="utf-8", newline="\n", buffering=1
-            )
+            self._cut = _is_cut(path)  # within a line
+            # without a buffer: what the disk does not take would wait there, and be written later
+            self._file = open(path, "ab", buffering=0)  # noqa: SIM115 - `close` closes it
         except OSError as error:
             raise ValueError(f"--log {path}: can't be written: {error.strerror}") from None
 
@@ -68,7 +70,10 @@ class LogFile:
     def send(
         self, stream: str, kind: str, stamp: Stamp, data: Any, **more: Unpack[Details]
     ) -> bool:
-        """Write an event as a line, at once; False where that failed, which is reported once."""
+        """Write an event as a line, at once; False where that failed.
+
+        The first failure in succession is reported, and the next line tells how many were lost.
+        """
         line: Dict[str, Any] = {"stream": stream, "kind": kind, "monitor": self._monitor}
         line.update(_given(**more))
         with self._lock:
@@ -78,14 +83,18 @@ class LogFile:
             line.update(seq=self._seq, stamp=published, arrived=self._arrived, data=data)
             if self._back:
                 line["back"] = True
+            lost = (more.get("lost") or 0) + self._missed
+            if lost:
+                line["lost"] = lost
             try:
-                self._file.write(dumps(line) + "\n")
+                self._append(dumps(line))
             except (OSError, ValueError) as error:
+                first = not self._missed
+                self._missed = lost + 1
                 self._stats.lost += 1
-                first = self._stats.lost == 1
                 reason = getattr(error, "strerror", None) or str(error)
             else:
-                self._back = False
+                self._missed, self._back = 0, False
                 self._stats.sent += 1
                 return True
         if first:
@@ -113,6 +122,32 @@ class LogFile:
         with self._lock, contextlib.suppress(OSError):  # a failed write was reported
             self._file.close()
         return True
+
+    def _append(self, line: str) -> None:
+        """Write a line, or nothing of it where the disk is full. Raises OSError and ValueError."""
+        number, text = self._file.fileno(), f"{line}\n".encode()
+        text = b"\n" + text if self._cut else text
+        before, written = os.fstat(number).st_size, 0
+        try:
+            while written < len(text):
+                written += os.write(number, text[written:])
+        except OSError:
+            if written and os.fstat(number).st_size == before + written:  # nobody else has written
+                with contextlib.suppress(OSError):
+                    os.ftruncate(number, before)
+                    written = 0
+            self._cut = self._cut or written > 0
+            raise
+        self._cut = False
+
+
+def _is_cut(path: str) -> bool:
+    """Whether a log ends within a line, as where the power failed."""
+    if not os.path.isfile(path) or not os.path.getsize(path):
+        return False
+    with open(path, "rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read() != b"\n"
 
 
 def _given(**details: Unpack[Details]) -> Dict[str, Any]:
