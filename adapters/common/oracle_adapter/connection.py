@@ -86,11 +86,19 @@ def attach_url(url: str) -> str:
         return url
     parts = urlsplit(url)
     scheme = {"ws": "ws", "http": "ws", "wss": "wss", "https": "wss"}.get(parts.scheme)
-    if scheme is None or not parts.hostname or parts.port == 0:  # a bad port raises by itself
+    if scheme is None or not _is_host(parts.hostname) or parts.port == 0:  # a bad port raises
         raise ValueError(f"{url!r} is no address like ws://127.0.0.1:8642")
     path = parts.path.rstrip("/")
     path = path if path.endswith(PATH) else path + PATH
     return urlunsplit((scheme, parts.netloc, path, parts.query, ""))
+
+
+def _is_host(name: Optional[str]) -> bool:
+    """Whether a name can be looked up: `robot..local` can't, nor what has 64 letters and no dot."""
+    try:
+        return bool((name or "").encode("idna"))
+    except UnicodeError:
+        return False
 
 
 async def open_connection(address: Address, timing: Timing) -> WebSocket:

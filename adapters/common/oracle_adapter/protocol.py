@@ -180,7 +180,9 @@ class Protocol:
             handler = self._handlers.get(frame["type"])
             if handler is not None:  # later servers may send more
                 handler(frame)
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except LinkError:
+            raise
+        except Exception as error:
             message = f"the server sent what is no frame: {text[:200]!r} ({error!r})"
             raise LinkError("bad_frame", message) from error
 

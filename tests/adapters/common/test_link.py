@@ -135,7 +135,8 @@ class TestAttaching:
         assert attach_url(given) == used
 
     @pytest.mark.parametrize(
-        "url", ["", "h:8642", "127.0.0.1:8642", "ftp://h", "ws://", "ws://h:x"]
+        "url",
+        ["", "h:8642", "127.0.0.1:8642", "ftp://h", "ws://", "ws://h:x", "http://robot..local:1"],
     )
     def test_what_is_no_address_is_refused_at_once(self, url: str) -> None:
         with pytest.raises(ValueError, match=r"address|[Pp]ort"):

@@ -48,7 +48,15 @@ class TestReconnecting:
         assert news.error().code == "shutting_down"
         oracle.accept().attach()
 
-    @pytest.mark.parametrize("text", ["{", '{"type":"ack"}'])
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "{",
+            '{"type":"ack"}',
+            '{"type":"ack","upto":1e999}',
+            pytest.param('{"type":' + "[" * 100_000, id="nested"),
+        ],
+    )
     def test_after_what_is_no_frame(
         self, oracle: Oracle, news: News, link: Link, text: str
     ) -> None:
