@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional
@@ -58,6 +59,11 @@ class Address:
     url: str
     token: Optional[str] = None
     tls: Optional[SSLContext] = None
+
+    @property
+    def shown(self) -> str:
+        """The address for people, without the password that may be in it."""
+        return re.sub(r"(?<=:)//[^/]*@", "//", self.url)
 
 
 def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> List[Address]:
@@ -129,7 +135,7 @@ async def _open(socket: WebSocket, address: Address) -> None:
         await loop.create_connection(lambda: socket, host, port, ssl=address.tls or secure or None)
     status = await socket.opened()
     if status in REFUSALS:
-        message = f"{address.url} answered HTTP {status}"
+        message = f"{address.shown} answered HTTP {status}"
         raise LinkError(REFUSALS[status], message, fatal=True)
     if status != SWITCHING:
         raise ConnectionError(f"the answer is HTTP {status}")

@@ -94,7 +94,7 @@ class Keeper:
         delays, clock = self._delays(), asyncio.get_running_loop().time
         name_due = clock() + self._timing.name_timeout
         while not self._exchange.done:
-            began, url = clock(), self._route.address.url
+            began, url = clock(), self._route.address.shown
             try:
                 await self._connect()
                 continue

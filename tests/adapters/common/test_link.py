@@ -142,6 +142,17 @@ class TestAttaching:
         with pytest.raises(ValueError, match=r"address|[Pp]ort"):
             Link(url, "uav1")
 
+    def test_a_password_in_the_address_is_shown_to_nobody(
+        self, oracle: Oracle, news: News, links: List[Link]
+    ) -> None:
+        oracle.stop()
+        url = oracle.url.replace("//", "//uav1:secret@")
+        links.append(Link(url, "uav1", timing=QUICK, **news.callbacks()))
+        links[0].start()
+        told = str(news.error())
+        assert oracle.url in told
+        assert "secret" not in told
+
     def test_tls_needs_a_tls_address(self) -> None:
         with pytest.raises(ValueError, match="wss://"):
             Link("ws://127.0.0.1:8642", "uav1", tls=ssl.create_default_context())
