@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+import queue
 import ssl
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import httpx
 import pytest
 import trustme
-from oracle_adapter import Link
+from oracle_adapter import Link, LinkError
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
@@ -91,6 +93,29 @@ async def test_a_client_without_a_good_certificate_is_refused(start: Starts, aut
     client, key = authority.client
     own_files = {"ORACLE_CA": str(authority.ca), "ORACLE_CLIENT_CERT": str(client), "ORACLE_CLIENT_KEY": str(key)}
     assert run("sessions", "--url", server.url, **own_files).returncode == 0
+
+
+async def test_a_link_takes_its_own_certificate_anew(
+    start: Starts, authority: Authority, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a robot that runs for longer than its certificate would have to be started again."""
+    server = start(**authority.settings, ORACLE_TLS_CLIENT_CA=str(authority.ca))
+    files = tmp_path / "own.crt", tmp_path / "own.key"
+
+    def put(pair: Sequence[Path]) -> None:
+        for source, target in zip(pair, files, strict=True):
+            target.with_suffix(".new").write_bytes(source.read_bytes())
+            target.with_suffix(".new").replace(target)
+
+    put(authority.stranger)
+    for name, value in zip(("CA", "CLIENT_CERT", "CLIENT_KEY"), (authority.ca, *files), strict=True):
+        monkeypatch.setenv(f"ORACLE_{name}", str(value))
+    errors: queue.Queue[LinkError] = queue.Queue()
+    with Link(server.url, "m1", spec="single", session="s", on_error=errors.put) as link:
+        assert not errors.get(timeout=PATIENCE).fatal
+        files[1].write_text("half of it")  # they change one by one
+        put(authority.client)
+        assert link.wait_attached(PATIENCE).session == "s"
 
 
 async def attach(url: str, context: ssl.SSLContext) -> dict[str, object]:

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit, urlunsplit
 from websockets.exceptions import WebSocketException
 
 from oracle_adapter.errors import LinkError
-from oracle_adapter.tls import context_from
+from oracle_adapter.tls import Renewed
 from oracle_adapter.websocket import SWITCHING, WebSocket
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ class Address:
 
     url: str
     token: Optional[str] = None
-    tls: Optional[SSLContext] = None
+    tls: Optional[Callable[[], SSLContext]] = None
+    """Gives what the next connection is encrypted by."""
 
     @property
     def shown(self) -> str:
@@ -69,16 +70,17 @@ class Address:
 def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> List[Address]:
     """The addresses of servers that are separated by commas; all get the token.
 
-    Those that are encrypted are reached by `tls`, or by `context_from` the environment without one.
+    Those that are encrypted are reached by `tls`, or by what the environment names without one.
     Raises `ValueError`.
     """
     found = [attach_url(url.strip()) for url in urls.split(",")]
     plain = [url for url in found if not url.startswith("wss:")]
     if tls is not None and plain:
         raise ValueError(f"tls needs a wss:// or https:// address, not {plain[0]!r}")
-    if tls is None and len(plain) < len(found):
-        tls = context_from(os.environ)
-    return [Address(url, token, None if url in plain else tls) for url in found]
+    if len(plain) == len(found):
+        return [Address(url, token) for url in found]
+    context = Renewed(os.environ).context if tls is None else lambda: tls
+    return [Address(url, token, None if url in plain else context) for url in found]
 
 
 def attach_url(url: str) -> str:
@@ -132,7 +134,8 @@ async def _open(socket: WebSocket, address: Address) -> None:
         parts = urlsplit(address.url)
         secure = parts.scheme == "wss"
         host, port = parts.hostname or "", parts.port or (443 if secure else 80)
-        await loop.create_connection(lambda: socket, host, port, ssl=address.tls or secure or None)
+        tls = address.tls() if address.tls else secure or None
+        await loop.create_connection(lambda: socket, host, port, ssl=tls)
     status = await socket.opened()
     if status in REFUSALS:
         message = f"{address.shown} answered HTTP {status}"
