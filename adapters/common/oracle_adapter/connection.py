@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional
 from urllib.parse import urlsplit, urlunsplit
@@ -13,6 +13,7 @@ from urllib.parse import urlsplit, urlunsplit
 from websockets.exceptions import WebSocketException
 
 from oracle_adapter.errors import LinkError
+from oracle_adapter.lookup import addresses
 from oracle_adapter.tls import Renewed
 from oracle_adapter.websocket import SWITCHING, WebSocket
 
@@ -135,13 +136,26 @@ async def _open(socket: WebSocket, address: Address) -> None:
         secure = parts.scheme == "wss"
         host, port = parts.hostname or "", parts.port or (443 if secure else 80)
         tls = address.tls() if address.tls else secure or None
-        await loop.create_connection(lambda: socket, host, port, ssl=tls)
+        await _connect(loop, socket, host, port, tls)
     status = await socket.opened()
     if status in REFUSALS:
         message = f"{address.shown} answered HTTP {status}"
         raise LinkError(REFUSALS[status], message, fatal=True)
     if status != SWITCHING:
         raise ConnectionError(f"the answer is HTTP {status}")
+
+
+async def _connect(
+    loop: asyncio.AbstractEventLoop, socket: WebSocket, host: str, port: int, tls: Any
+) -> None:
+    """Connect to the first of a host's addresses that answers."""
+    name = host if tls else None
+    *others, last = await addresses(host, port)
+    for one in others:
+        with suppress(OSError):
+            await loop.create_connection(lambda: socket, one, port, ssl=tls, server_hostname=name)
+            return
+    await loop.create_connection(lambda: socket, last, port, ssl=tls, server_hostname=name)
 
 
 def _headers(token: Optional[str]) -> Dict[str, str]:

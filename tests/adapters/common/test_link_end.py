@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, List
@@ -24,6 +26,28 @@ def closed(link: Link, timeout: float) -> bool:
     closing.join(PATIENCE)
     assert done, "it waits for ever"
     return done[0]
+
+
+STUCK = """
+import socket, threading
+from oracle_adapter import Link
+
+asked = threading.Event()
+
+def look_up(*_, **__):
+    asked.set()
+    threading.Event().wait()
+
+socket.getaddrinfo = look_up
+link = Link("http://robot.invalid:8642", "uav1")
+link.start()
+asked.wait()
+link.close(0.05)
+"""
+
+
+def test_a_process_ends_though_no_nameserver_answers() -> None:
+    subprocess.run([sys.executable, "-c", STUCK], timeout=PATIENCE, check=True)
 
 
 class TestEnding:
