@@ -33,12 +33,10 @@ class Losses:
         more = "more of this is counted and not reported"
         return None if reported else LinkError("lost", f"{too_large(body)}; {more}")
 
-    def full(self, capacity: int) -> Optional[LinkError]:
-        """The report of an event that a full queue has no room for; None where there was one."""
+    def full(self, count: int) -> Optional[LinkError]:
+        """The report of an event for which a queue of so many has no room; None after one."""
         reported, self.is_full = self.is_full, True
         more = "what comes until there is room is counted as lost"
         return (
-            None
-            if reported
-            else LinkError("lost", f"the queue of {capacity} events is full; {more}")
+            None if reported else LinkError("lost", f"the queue of {count} events is full; {more}")
         )

@@ -20,12 +20,14 @@ MAX_FRAME = 1 << 20
 """Bytes of a frame, where the server names no limit."""
 BATCH = 1 << 17
 """Bytes of a batch of events: larger ones save nothing, and keep pings waiting on a slow line."""
+ROOM = 1 << 28
+"""Bytes that events may take while they are held: a robot has little memory, and other programs."""
 FULL = 3 / 4
 """How full the queue may get before events go without credit: losing them is worse."""
 
 
 class Outbox:
-    """The queue of one monitor: at most `capacity` events, sent ones included until acked."""
+    """The queue of one monitor: at most `capacity` events and `ROOM`, sent ones until acked."""
 
     def __init__(self, capacity: int, stats: Stats) -> None:
         self.asked: Dict[int, Queued] = {}
@@ -38,6 +40,7 @@ class Outbox:
         self._max_frame, self._max_batch = MAX_FRAME, capacity
         self._unsent: Deque[Queued] = deque()
         self._sent: Deque[Queued] = deque()
+        self._held = 0  # bytes of both
         self._count = 0  # events queued so far
         self._missed = 0  # events lost since the last one queued
         self._acked = 0
@@ -54,6 +57,11 @@ class Outbox:
         return len(self._unsent) + len(self._sent)
 
     @property
+    def crowded(self) -> bool:
+        """Whether little room is left."""
+        return len(self) > FULL * self._capacity or self._held > FULL * ROOM
+
+    @property
     def unsent(self) -> int:
         """How many events were never written, or are to be written again."""
         return len(self._unsent)
@@ -67,7 +75,9 @@ class Outbox:
         next event's `lost`.
         """
         lost += self._missed
-        if len(self) >= self._capacity or HEAD + len(body) > self._max_frame:
+        size = HEAD + len(body)
+        full = len(self) >= self._capacity or self._held + size > ROOM
+        if full or size > self._max_frame:
             self._missed = lost + 1
             self._stats.lost += 1
             return None
@@ -75,6 +85,7 @@ class Outbox:
         self._count += 1
         event = Queued(self._count, stamp, body, lost=lost, waiting=ask)
         self._unsent.append(event)
+        self._held += size
         if ask:
             self._urgent = event.number
         return event
@@ -118,6 +129,7 @@ class Outbox:
         self._stats.lost += sum(event.seq is None or event.seq > self._acked for event in dropped)
         self._sent.clear()
         self._unsent = deque(event for event in events if event.number > last)
+        self._held -= sum(event.size for event in dropped)
         self.asked.clear()
         self.marks = self.marks.of_later(last)
         if self._last_here is not None:
@@ -184,7 +196,7 @@ class Outbox:
         if self._last_here is not None and number > self._last_here:
             return False
         enough = self.credit is None or self.credit > 0 or number <= self._urgent
-        return enough or len(self) > FULL * self._capacity
+        return enough or self.crowded
 
     def _take_batch(self) -> List[str]:
         batch: List[str] = []
@@ -220,7 +232,7 @@ class Outbox:
         while self._sent and (self._sent[0].seq or 0) <= self._acked:
             if self._sent[0].waiting:
                 break  # the decision may be lost with the connection: this must be asked again
-            self._sent.popleft()
+            self._held -= self._sent.popleft().size
             self._stats.acked += 1
 
     def _oldest(self, upcoming: int) -> int:
@@ -256,6 +268,7 @@ class Outbox:
                 missed = 0
                 kept.append(event)
         self._unsent = kept
+        self._held -= sum(event.size for event in dropped)
         self._missed += missed
         self._stats.lost += len(dropped)
         return dropped

@@ -36,7 +36,7 @@ from oracle_adapter.notices import (
     Verdicts,
     Violation,
 )
-from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox
+from oracle_adapter.outbox import MAX_FRAME, Outbox
 from oracle_adapter.queued import Queued
 from oracle_adapter.stats import Stats
 
@@ -74,7 +74,7 @@ class Protocol:
         self.detached = False
         self.ended: Optional[LinkError] = None
         self._hello, self._private = hello, hello.session is None
-        self._stats, self._capacity = Stats(), capacity
+        self._stats = Stats()
         self._outbox = Outbox(capacity, self._stats)
         self._open: Set[Queued] = set()  # asks without an answer
         self._notices: List[Notice] = []
@@ -259,9 +259,9 @@ class Protocol:
         event = self._outbox.put(stamp, body, lost=lost, ask=ask)
         if event is None:
             large = self._outbox.is_too_large(body)
-            loss = self._losses.large(body) if large else self._losses.full(self._capacity)
+            loss = self._losses.large(body) if large else self._losses.full(len(self._outbox))
             self._notices += [] if loss is None else [loss]
-        elif self._losses.is_full and len(self._outbox) < FULL * self._capacity:
+        elif self._losses.is_full and not self._outbox.crowded:
             self._losses.is_full = False
         return event
 

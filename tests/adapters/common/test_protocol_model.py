@@ -17,10 +17,10 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )  # fmt: skip
-from oracle_adapter import Answer
+from oracle_adapter import Answer, outbox
 from oracle_adapter.notices import Answered
 from oracle_adapter.protocol import Hello, Protocol
-from oracle_adapter.queued import Queued
+from oracle_adapter.queued import HEAD, Queued
 
 Frame = Dict[str, Any]
 
@@ -90,7 +90,7 @@ class Server:
 class Wire(RuleBasedStateMachine):
     """The steps of both sides and of the network, in any order."""
 
-    capacity = 10_000
+    capacity = most = 10_000
     narrow = False
 
     @initialize(first=st.sampled_from([1, 8]))
@@ -197,7 +197,7 @@ class Wire(RuleBasedStateMachine):
         events = frame.get("events", [frame])
         self.credit -= len(events)
         newest_ask = max((self.queued[ask.number - 1] for ask in self.asks), default=0)
-        urgent = events[-1]["data"] <= newest_ask or queued > 0.75 * self.capacity
+        urgent = events[-1]["data"] <= newest_ask or queued > 0.75 * self.most
         assert self.credit >= 0 or urgent
 
     @precondition(lambda self: self.connected and self.credit is not None)
@@ -272,7 +272,7 @@ class Wire(RuleBasedStateMachine):
 
     @invariant()
     def the_queue_has_a_bound(self) -> None:
-        assert self.protocol.stats().queued <= self.capacity
+        assert self.protocol.stats().queued <= self.most
 
     def teardown(self) -> None:
         if not hasattr(self, "server"):
@@ -325,12 +325,24 @@ class Wire(RuleBasedStateMachine):
 class NarrowWire(Wire):
     """The same with a queue that overflows, and loses outcomes too where it does."""
 
-    capacity = 4
+    capacity = most = 4
     narrow = True
 
 
-@pytest.mark.parametrize("wire", [Wire, NarrowWire])
-def test_any_course_of_events(wire: Any) -> None:
+class SmallRoom(Wire):
+    """The same with a queue in which there is no room for many bytes."""
+
+    most = 4
+    narrow = True
+    room = 4 * (HEAD + 28)
+
+    def _body(self, ask: bool) -> str:
+        return super()._body(ask).rjust(28)
+
+
+@pytest.mark.parametrize("wire", [Wire, NarrowWire, SmallRoom])
+def test_any_course_of_events(wire: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outbox, "ROOM", getattr(wire, "room", outbox.ROOM))
     run_state_machine_as_test(
         wire,
         settings=settings(
