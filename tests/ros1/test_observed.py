@@ -279,6 +279,18 @@ def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(tmp_p
         assert not any(event["late"] or event["skewed"] for event in events + again)
 
 
+def test_simulated_time_that_nobody_tells_is_told(tmp_path: Path) -> None:
+    """As where the parameter is left from a bag that was played: no deadline runs out."""
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        peer = scene.peer()
+        peer.parameter("/use_sim_time", True)
+        adapter = scene.adapter("watch")
+        adapter.said("simulated time: time stands at 0, so no deadline runs out: /clock is silent, or paused")
+        peer.advertise(Clock, "/clock")
+        peer.publish("/clock", Clock(rospy.Time(10)))
+        adapter.said("simulated time: recovered")
+
+
 def test_two_uavs_in_one_session_have_their_own_names(tmp_path: Path) -> None:
     documented = (Path(__file__).parents[2] / "docs" / "adapters.md").read_text(encoding="utf-8")
     text = re.search(r"```yaml\n(id: fleet\n.*?)```", documented, re.DOTALL)

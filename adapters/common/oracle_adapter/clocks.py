@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Callable, Iterable, List, Optional, Sequence
 
 if TYPE_CHECKING:
@@ -18,6 +19,28 @@ if TYPE_CHECKING:
         @property
         def latency(self) -> Optional[int]:
             """How late its events may be (ns); None: stamped here, under the link's lock."""
+
+
+SIMULATED = "simulated time"
+"""What the board calls the clock, which may be a stream too."""
+CLOCK_WITHIN = 5.0
+"""Seconds for /clock to be discovered, before it is said that it does not come."""
+
+
+class SilentClock:
+    """Whether simulated time was never told: nothing gets old then, and no deadline runs out."""
+
+    def __init__(
+        self, now: Callable[[], Optional[int]], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """`now` is simulated time (ns); nothing, or 0, while there is none. `clock`: seconds."""
+        self._now, self._clock, self._began = now, clock, clock()
+
+    def look(self) -> str:
+        """What is wrong, empty for nothing."""
+        if self._now() or self._clock() - self._began < CLOCK_WITHIN:
+            return ""
+        return "time stands at 0, so no deadline runs out: /clock is silent, or paused"
 
 
 class Clocks:

@@ -7,7 +7,7 @@ from typing import List, Optional
 
 import rospy
 from oracle_adapter import Attached, Board, ClockStamp, Link, Names
-from oracle_adapter.clocks import Clocks
+from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 
@@ -36,7 +36,7 @@ class Monitor:
         self._link, self._board, self._streams = link, board, attached.streams
         self._now = now = simulated_now if simulated else wall_now
         self._graph = Graph()
-        self._clocks = Clocks(now)
+        self._clocks, self._silent = Clocks(now), SilentClock(now)
         shared = Shared(link, board, names, now, self._graph, self._clocks)
         self._parts: List[Part] = []
         self._jumps: Optional[rospy.Subscriber] = None
@@ -85,6 +85,8 @@ class Monitor:
 
     def _look(self) -> None:
         """Report the streams' state."""
+        if self._jumps is not None:
+            self._board.trouble(SIMULATED, self._silent.look())
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
-from oracle_adapter.clocks import Clocks
+from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 CLOCK_PERIOD = 0.01
 LOOK_PERIOD = 0.5
 SHOW_PERIOD = 0.1
-CLOCK = "simulated time"
-"""What the board calls the clock, which may be a stream too."""
-CLOCK_WITHIN = 5.0
-"""Seconds for /clock to be discovered, before it is said that it does not come."""
 
 
 class Monitor:
@@ -44,14 +40,14 @@ class Monitor:
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
         self._clocks = clocks = Clocks(self._now)
-        self._watch, self._began = None, time.monotonic()
+        self._watch, self._silent = None, SilentClock(self._now)
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: clocks.readings(self._now())))
         shared = Shared(node, link, board, names, clocks)
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
         observed = [stream for part in self._parts for stream in part.streams]
         clocks.follow(observed)
-        board.keep([CLOCK, *(stream["name"] for stream in streams)])
+        board.keep(stream["name"] for stream in streams)
         report_unknown(streams, board, link)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may be paused
         self._timers = [
@@ -82,21 +78,13 @@ class Monitor:
             part.stop()
 
     def _look(self) -> None:
-        self._tell_clock()
+        if self._watch is not None:
+            self._board.trouble(SIMULATED, self._silent.look())
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
             trouble = "; ".join(filter(None, (trouble, part.doubt)))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
-
-    def _tell_clock(self) -> None:
-        """Say where simulated time was never told: nothing gets old then, and no deadline runs out."""
-        if self._watch is None:
-            return
-        if self._now():
-            self._board.trouble(CLOCK, "")
-        elif time.monotonic() - self._began >= CLOCK_WITHIN:
-            self._board.trouble(CLOCK, "time stands at 0, so no deadline runs out: /clock is silent, or paused")
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.

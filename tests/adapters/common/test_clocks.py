@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import List, Optional
 
 from oracle_adapter import Board, ClockStamp, Link
-from oracle_adapter.clocks import Clocks
+from oracle_adapter.clocks import CLOCK_WITHIN, Clocks, SilentClock
 from oracle_adapter.passing import Passing
+from tests.adapters.common.boards import Clock
 from tests.adapters.common.conftest import Oracle
 from tests.adapters.common.links import PATIENCE
 from tests.adapters.common.test_passing import STREAM, Screen
@@ -68,3 +69,13 @@ def test_the_clocks_go_behind_the_ask(oracle: Oracle, link: Link) -> None:
     assert peer.recv()["type"] == "event"
     stamps = peer.recv()["stamps"]
     assert [(s["stream"], s["kind"], s["stamp"]) for s in stamps] == at(1000, *CALLS)
+
+
+def test_simulated_time_is_silent_where_it_is_not_told_within_some_seconds() -> None:
+    clock, now = Clock(), [0]
+    silent = SilentClock(lambda: now[0], clock)
+    assert not silent.look()
+    clock.now += CLOCK_WITHIN
+    assert "/clock is silent" in silent.look()
+    now[0] = 1
+    assert not silent.look()
