@@ -316,6 +316,10 @@ def test_two_uavs_in_one_session_have_their_own_names(tmp_path: Path) -> None:
         (["--spec", "gate", "--remap", "/nothing:=/something"], "--remap /nothing: gate has no such stream"),
         (["--spec", "gate", "--remap", "nonsense"], "'nonsense' is no remap like"),
         (["--spec", "gate", "--oracle", "ftp://nowhere"], "is no address like"),
+        (
+            ["--spec", "gate", "--remap", "/number:=/diagnostics"],
+            "/number can't be observed as std_msgs/Int64: this node itself publishes diagnostic_msgs/DiagnosticArray",
+        ),
     ],
 )
 def test_an_adapter_that_cannot_start_says_why(words: list[str], told: str, tmp_path: Path) -> None:

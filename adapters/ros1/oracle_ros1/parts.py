@@ -11,10 +11,13 @@ import rospy
 from oracle_adapter import TimeSource
 from oracle_adapter.interfaces import Interface
 from oracle_adapter.kinds import InterfaceType
+from rospy.impl import registration
 
 from oracle_ros1.actionproxy import ProxiedAction
 from oracle_ros1.actions import LoggedAction
 from oracle_ros1.actiontopics import TO_CLIENT, TO_SERVER
+from oracle_ros1.codec import CodecError
+from oracle_ros1.definitions import ros1_name
 from oracle_ros1.services import ProxiedService
 from oracle_ros1.shared import Shared
 from oracle_ros1.topics import FilteredTopic, LoggedTopic
@@ -77,8 +80,21 @@ MAKERS: Mapping[Tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]]
 
 
 def make_part(shared: Shared, interface: Interface) -> Part:
-    """Observe an interface from now on. Raises `CodecError` where its type is not there."""
+    """Observe an interface from now on.
+
+    Raises `CodecError` where its type is not there, or this node has the topic as another one, as `/diagnostics`.
+    """
+    if interface.type == "topic" and interface.first["type"]:
+        _demand_type(shared, interface, ros1_name(interface.first["type"]))
     return MAKERS[interface.type, interface.filtered](shared, interface)
+
+
+def _demand_type(shared: Shared, topic: Interface, wanted: str) -> None:
+    for name in filter(None, (topic.name, topic.proxy)):
+        own = registration.get_topic_manager().get_publisher_impl(rospy.resolve_name(shared.names[name]))
+        has = own.data_class._type if own else wanted  # noqa: SLF001 - genpy's own interface
+        if has != wanted:
+            raise CodecError(f"{topic.name} can't be observed as {wanted}: this node itself publishes {has} there")
 
 
 def names_on_graph(of: InterfaceType, name: str) -> List[str]:
