@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -105,4 +106,32 @@ def test_a_definition_that_can_not_be_read_is_told_and_others_are_heard(kind: An
         right.advertise(Vector3, "/vector_mon")
         right.publish("/vector_mon", Vector3(4, 5, 6))
         assert numbers(hearer.heard("/vector", 1)) == [4]
+        adapter.ends_well()
+
+
+TYPELESS = """
+import rospy
+from rospy.impl.tcpros_pubsub import TCPROSPub
+from std_msgs.msg import String
+
+fields = TCPROSPub.get_header_fields
+TCPROSPub.get_header_fields = lambda self: {k: v for k, v in fields(self).items() if k != "type"}
+rospy.init_node("typeless")
+for topic in ("/text", "/vector_mon"):
+    rospy.Publisher(topic, String, latch=True, queue_size=1).publish("damn")
+rospy.spin()
+"""
+
+
+def test_a_publisher_that_does_not_say_its_type_does_not_end_the_adapter(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        adapter, peer = scene.adapter("odd"), scene.peer()
+        scene.run("typeless", sys.executable, "-c", TYPELESS)
+        adapter.said(
+            "/text: nothing of /typeless can be read: it publishes what has no type, and the spec says std_msgs/"
+        )
+        peer.advertise(String, "/text")
+        peer.publish("/text", String("damn"))
+        [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
+        assert violation["property"] == "polite"
         adapter.ends_well()

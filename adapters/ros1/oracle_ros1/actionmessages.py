@@ -54,8 +54,8 @@ class ActionTypes:
         if header["md5sum"] != wanted._md5sum:  # noqa: SLF001 - genpy's own interface
             name = wanted._type  # noqa: SLF001
             what = f"another version of {name} than is installed here"
-            if header["type"] != name:
-                what = f"{header['type']}, and the spec says {name}"
+            if header.get("type") != name:
+                what = f"{header.get('type') or 'what has no type'}, and the spec says {name}"
             raise CodecError(f"nothing of {_node(header)} can be read: it publishes {what}")
 
 

@@ -75,7 +75,7 @@ class Observed:
 
     def decoder(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher with this connection header, or why nothing can."""
-        key = header["type"], header["md5sum"]
+        key = header.get("type", ""), header["md5sum"]
         defined = (*key, header.get("message_definition", ""))
         with self._deciding:
             if key not in self._decoders and defined not in self._unusable:
@@ -139,8 +139,9 @@ class Observed:
         return taken
 
     def _found(self, header: Header) -> Decoder:
-        if self._type and header["type"] != self._type:
-            raise CodecError(f"it publishes {header['type']}, and the spec says {self._type}")
+        published = header.get("type")
+        if self._type and published != self._type:
+            raise CodecError(f"it publishes {published or 'what has no type'}, and the spec says {self._type}")
         if self.installed and self.installed.digest == header["md5sum"]:
             return self.installed
         return self._decoder(sent_definition(header))

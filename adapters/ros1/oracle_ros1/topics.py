@@ -157,7 +157,7 @@ class FilteredTopic:
             return decoder
         publisher = self._publish(decoder)
         if publisher.md5sum != decoder.digest:
-            return f"{header.get('callerid')} publishes another version of {header['type']} than is given"
+            return f"{header.get('callerid')} publishes another version of {header.get('type')} than is given"
         self._ready = {**self._current(), id(header): (header, decoder)}
         return decoder
 
