@@ -80,6 +80,22 @@ def test_what_other_monitors_say_of_violations_is_no_event_once_the_master_has_t
             assert heard(session) == (arrays + 2, lines)
 
 
+def test_a_monitor_does_not_hear_itself_where_ros_has_moved_its_diagnostics(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
+        scene.adapter("well", more=["/diagnostics:=/uav1/diagnostics"])
+        peer = scene.peer()
+        peer.record(DiagnosticArray, "/uav1/diagnostics", speakers=1)
+        peer.advertise(DiagnosticArray, "/uav1/diagnostics", listeners=2)
+        peer.publish("/uav1/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="motor")]))
+        peer.until(
+            lambda: any(s.level == 1 for array in peer.heard("/uav1/diagnostics") for s in array.status),
+            lambda: "no warning is shown",
+        )
+        peer.publish("/uav1/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="pump")]))
+        events = eventually(lambda: scene.server.events("s", stream="/diagnostics"), lambda found: len(found) >= 2)
+        assert len(events) == 2
+
+
 def test_who_may_be_no_monitor_is_told_where_it_is_left_out(tmp_path: Path) -> None:
     """As the player of a bag in which a monitor's topics are; a topic of errors alone makes nobody a monitor."""
     with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:

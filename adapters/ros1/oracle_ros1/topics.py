@@ -32,7 +32,7 @@ class LoggedTopic:
         self._link, self._observed = shared.link, Observed(topic.first, shared.now)
         self.streams = [self._observed]
         self._graph, name = shared.graph, rospy.resolve_name(shared.names[topic.name])
-        self._has_monitors, self._doubt = name in OWN, ""
+        self._has_monitors, self._doubt = name in map(rospy.resolve_name, OWN), ""
         self._silence, self._missing = Unpublished(name), Unheard(shared.graph)
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
