@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 from contextlib import suppress
 from functools import partial
-from http.client import HTTPConnection
 from typing import Any, Callable, Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
-from xmlrpc.client import ServerProxy, Transport
+from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
 from oracle_adapter.monitors import doubtful, errors_among
 from rospy.impl import paramserver, registration
 
+from oracle_ros1.forgotten import Forgotten
+from oracle_ros1.timed import TimedTransport
+
 ASK_PERIOD = 1.0
 """Seconds between two requests to the master."""
 REPLY_WITHIN = 10.0
 """Seconds that the master may take to answer a request."""
-
-NODE_WITHIN = 1.0
-"""Seconds that a node may take to answer."""
 
 Users = Dict[str, List[str]]
 """The nodes by the topics or services that they use."""
@@ -29,21 +27,6 @@ Register = Callable[[str, str, str], Any]
 """Registers a name, of a type or at an address, for the node at an address."""
 NOISE = ("/rosout", "/rosout_agg")
 SERVICES = ("/get_loggers", "/set_logger_level")  # that every node has
-
-
-class TimedTransport(Transport):
-    """HTTP with a time limit: a machine that vanishes leaves connections open that stay silent."""
-
-    def __init__(self, seconds: float) -> None:
-        """Wait so long for a connection, and for each reply."""
-        super().__init__()
-        self._seconds = seconds
-
-    def make_connection(self, host: Any) -> HTTPConnection:
-        """Make a connection with the time limit."""
-        connection = super().make_connection(host)
-        connection.timeout = self._seconds
-        return connection
 
 
 def master_proxy(seconds: float = REPLY_WITHIN) -> Any:
@@ -103,7 +86,7 @@ class Graph:
         self._asked: Set[str] = set()  # nodes whose addresses are wanted
         self._addresses: Dict[str, str] = {}
         self._given: Set[str] = set()  # topics that no other node is to publish
-        self._forgotten: Dict[str, Tuple[str, Set[str]]] = {}  # what nodes publish that a new master does not know
+        self._forgotten = Forgotten()
         self._unconnected: Set[str] = set()  # topics that were registered again, whose publishers may not be known here
         self._servers: Optional[Users] = None
         self._stopping = threading.Event()
@@ -190,31 +173,23 @@ class Graph:
             # a service that another node serves by now stays that one's
             *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
         ]
-        self._forget(restarted=bool(missing))
-        for node, (_, published) in self._forgotten.items():
+        if missing:  # the master was restarted; of those whose addresses were wanted it is known where to ask
+            for node, address in self._addresses.items():
+                self._forgotten.add(
+                    node, address, {topic for topic, nodes in self._publishers.items() if node in nodes}
+                )
+        for node, published in self._forgotten.look().items():
             for topic in published:
                 publishers[topic] = [*publishers.get(topic, ()), node]
         asked, self._asked = self._asked, set()
         asked.update(node for topic in self._given for node in publishers.get(topic, ()))
-        asked -= {own, *self._forgotten}
-        self._addresses = {node: str(master.lookupNode(node)[2]) for node in asked}
+        found = {node: master.lookupNode(node) for node in asked if node != own and node not in self._forgotten}
+        self._addresses = {node: str(uri) for node, (code, _, uri) in found.items() if code == 1}
         self._publishers, self._subscribers, self._servers = publishers, subscribers, servers
         errors = {topic: publishers[topic] for topic in errors_among(publishers)}
         self.monitors, self.doubtful = frozenset().union(*errors.values()), doubtful(errors)
         self.answers += 1
         self._register_again(missing, master)
-
-    def _forget(self, *, restarted: bool) -> None:
-        """Look what nodes still publish that the master knew before it was restarted: none of them says so again.
-
-        Only those are asked whose addresses were wanted.
-        """
-        if restarted:
-            for node, address in self._addresses.items():
-                topics = {topic for topic, nodes in self._publishers.items() if node in nodes}
-                self._forgotten.setdefault(node, (address, topics))
-        asked = {node: (address, _published(address, topics)) for node, (address, topics) in self._forgotten.items()}
-        self._forgotten = {node: found for node, found in asked.items() if found[1]}
 
     def _subscribe(self, master: Any, name: str, kind: str, uri: str) -> None:
         self._unconnected.add(name)  # the master may know it, and its answer be lost
@@ -235,18 +210,6 @@ class Graph:
             register(name, kind, rospy.get_node_uri())
         if missing:
             rospy.logwarn(f"the master did not know {len(missing)} topics and services of this node: registered again")
-
-
-def _published(address: str, topics: Set[str]) -> Set[str]:
-    """Which of some topics the node at an address publishes; all of them where it does not answer in time."""
-    try:
-        node: Any = ServerProxy(address, transport=TimedTransport(NODE_WITHIN))
-        _, _, found = node.getPublications(rospy.get_name())
-    except socket.timeout:
-        return topics
-    except Exception:  # noqa: BLE001 - it has ended, or another program is there
-        return set()
-    return topics & {topic for topic, _ in found}
 
 
 def _is_replaced(master: Any) -> bool:

@@ -9,7 +9,8 @@ from xmlrpc.client import Fault, ServerProxy
 import rospy
 from rosgraph.names import load_mappings, resolve_name
 
-from oracle_ros1.graph import TimedTransport, master_proxy
+from oracle_ros1.graph import master_proxy
+from oracle_ros1.timed import TimedTransport
 
 FREE_WITHIN = 10.0
 """Seconds for which an adapter that is ending keeps its name, at the most."""
