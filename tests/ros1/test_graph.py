@@ -77,3 +77,43 @@ def test_a_subscriber_that_was_registered_again_and_not_connected_is_so_at_the_n
             looking._look(master)
         node.shutdown()
     assert told == [["http://speaker:1/"]] * (1 if lossy else 2)
+
+
+class Knowing(Master):
+    """A master that knows who publishes what."""
+
+    def __init__(self) -> None:
+        super().__init__(lossy=False)
+        self.publishers: list[list[Any]] = []
+        self.asked = 0
+
+    def getSystemState(self) -> Any:  # noqa: N802
+        self.asked += 1
+        return 1, "", [self.publishers, [["/number", [rospy.get_name()]]], []]
+
+
+def test_who_is_a_monitor_is_asked_at_once_of_a_node_of_which_the_master_has_not_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else what a monitor says in its first second would be the robot's."""
+    for manager in ("get_topic_manager", "get_service_manager"):
+        monkeypatch.setattr(graph.registration, manager, Topics)
+    monkeypatch.setattr(graph, "ASK_AGAIN", 0)
+    looking, master = graph.Graph(), Knowing()
+    monkeypatch.setattr(graph, "master_proxy", lambda _seconds: master)
+    robot, monitor = ["/rosout", ["/robot"]], [["/uav2/monitor_error", ["/uav2"]], ["/uav2/monitor_verdict", ["/uav2"]]]
+    master.publishers = [robot]
+    looking._look(master)
+    assert not looking.is_monitor("/robot")
+    assert master.asked == 1
+    assert not looking.is_monitor("/uav2")
+    master.publishers = [robot, *monitor]
+    assert looking.is_monitor("/uav2")
+    assert master.asked == 3
+    looking._look(master)
+    master.publishers = []  # it was restarted
+    looking._look(master)
+    assert looking.is_monitor("/uav2")
+    master.publishers = [["/rosout", ["/uav2"]]]  # and is none any more
+    looking._look(master)
+    assert not looking.is_monitor("/uav2")

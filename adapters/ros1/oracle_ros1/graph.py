@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import suppress
 from functools import partial
 from typing import Any, Callable, Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
@@ -20,6 +21,12 @@ ASK_PERIOD = 1.0
 """Seconds between two requests to the master."""
 REPLY_WITHIN = 10.0
 """Seconds that the master may take to answer a request."""
+ASK_WITHIN = 1.0
+"""Seconds that it may take while a message waits for the answer."""
+ASK_AGAIN = 0.05
+"""Seconds between two requests about nodes that the master did not know when it was asked in turn."""
+MOST_KNOWN = 10_000
+"""Nodes that are remembered; many tools have another name at each start."""
 
 Users = Dict[str, List[str]]
 """The nodes by the topics or services that they use."""
@@ -81,6 +88,9 @@ class Graph:
         """The nodes that were monitors when the master was last asked."""
         self.doubtful: Dict[str, str] = {}
         """Those of them that may be none, each with its topic of errors."""
+        self._known: Set[str] = set()  # nodes that the master has told of when it was asked in turn
+        self._unknown = threading.Lock()  # held while the master is asked about another one
+        self._asked_again = 0.0
         self._publishers: Users = {}
         self._subscribers: Users = {}
         self._asked: Set[str] = set()  # nodes whose addresses are wanted
@@ -138,6 +148,21 @@ class Graph:
         own = rospy.get_name()
         return [topic for topic, nodes in self._publishers.items() if set(nodes) - {own}]
 
+    def is_monitor(self, node: str) -> bool:
+        """Whether a node is a monitor.
+
+        Of one of which the master has not told yet it is asked at once: what a monitor says first is none of the
+        robot's either.
+        """
+        if node not in self._known:
+            with self._unknown:
+                if time.monotonic() - self._asked_again >= ASK_AGAIN:
+                    with suppress(Exception):  # no master, or a reply that can't be read
+                        _, _, (publishers, _, _) = master_proxy(ASK_WITHIN).getSystemState()
+                        self._note_monitors(dict(publishers))
+                    self._asked_again = time.monotonic()
+        return node in self.monitors
+
     def not_serving(self, service: str) -> str:
         """Why calls of a service of this node's do not reach it, as last read from the master; empty where they do.
 
@@ -186,10 +211,20 @@ class Graph:
         found = {node: master.lookupNode(node) for node in asked if node != own and node not in self._forgotten}
         self._addresses = {node: str(uri) for node, (code, _, uri) in found.items() if code == 1}
         self._publishers, self._subscribers, self._servers = publishers, subscribers, servers
-        errors = {topic: publishers[topic] for topic in errors_among(publishers)}
-        self.monitors, self.doubtful = frozenset().union(*errors.values()), doubtful(errors)
+        self._known = self._note_monitors(publishers).union(self._known if len(self._known) < MOST_KNOWN else ())
         self.answers += 1
         self._register_again(missing, master)
+
+    def _note_monitors(self, publishers: Users) -> Set[str]:
+        """Take who is a monitor by who publishes what; returns all of these.
+
+        One that a restarted master does not know yet stays one.
+        """
+        nodes = set().union(*publishers.values())
+        errors = {topic: publishers[topic] for topic in errors_among(publishers)}
+        self.monitors = frozenset(self.monitors - nodes).union(*errors.values())
+        self.doubtful = doubtful(errors)
+        return nodes
 
     def _subscribe(self, master: Any, name: str, kind: str, uri: str) -> None:
         self._unconnected.add(name)  # the master may know it, and its answer be lost

@@ -61,7 +61,7 @@ class LoggedTopic:
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
         source = header.get("callerid")
-        if self._has_monitors and (source == rospy.get_name() or source in self._graph.monitors):
+        if self._has_monitors and source and (source == rospy.get_name() or self._graph.is_monitor(source)):
             return
         decoder = self._observed.decoder(header)
         if isinstance(decoder, str):
