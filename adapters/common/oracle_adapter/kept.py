@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Callable, Optional
+
 _YEAR = 365 * 86_400 * 10**9
 """No robot runs for so long; what is older is by another clock, as that of a simulation."""
 
@@ -13,3 +15,18 @@ def is_from_before(stamp: int, began: int) -> bool:
     missing for as long.
     """
     return began - _YEAR < stamp < began
+
+
+class Beginning:
+    """Since when a monitor hears, by its clock: simulated time is told later, and may go back."""
+
+    def __init__(self, now: Callable[[], Optional[int]]) -> None:
+        """`now` is the present time (ns); nothing, or 0, while there is none."""
+        self._now, self._began = now, now() or 0
+
+    def is_after(self, stamp: int) -> bool:
+        """Whether what has just come with a `stamp` is from before that; as `is_from_before`."""
+        now = self._now() or 0
+        if not self._began or now < self._began:
+            self._began = now
+        return is_from_before(stamp, self._began)

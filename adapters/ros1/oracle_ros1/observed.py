@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optio
 import rospy
 from oracle_adapter import Stamp, TimeSource
 from oracle_adapter.fields import not_there
-from oracle_adapter.kept import is_from_before
+from oracle_adapter.kept import Beginning
 
 from oracle_ros1.codec import CodecError, Read, lacking, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
@@ -46,7 +46,7 @@ class Observed:
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
         self._reads = stream.get("reads") or ()
-        self._began = now() or 0
+        self._beginning = Beginning(now)
         # by type and md5sum, as types of one definition have one md5sum
         self._decoders: Dict[Tuple[str, str], Decoder] = {}
         self._unusable: Dict[Tuple[str, str, str], str] = {}  # why there is none, by what the publisher defines too
@@ -112,7 +112,7 @@ class Observed:
                 self._unread += 1
                 self.unreadable[node] = f"{node} publishes what can't be read: {error}"
             return None
-        if stamp and header_of(message).get("latching") == "1" and is_from_before(stamp, self._began):
+        if stamp and header_of(message).get("latching") == "1" and self._beginning.is_after(stamp):
             stamp = None  # it was kept for who comes later
         return stamp or self._now, data, self._take_unread() if self._unread else 0
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 from oracle_adapter import PROXY
 from oracle_adapter.fields import not_there
 from oracle_adapter.forwarding import ForwardQueue
-from oracle_adapter.kept import is_from_before
+from oracle_adapter.kept import Beginning
 from oracle_adapter.monitors import OWN
 from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
@@ -40,7 +40,7 @@ class Observed:
         `stamped_here`: as they are queued for the oracle, unless the spec names a field.
         """
         self._now = time_of(node)
-        self._began = self._now()
+        self._beginning = Beginning(self._now)
         self.name: str = stream["name"]
         self.kind: str = stream["kind"]
         self.type, self._field = envelope or (load_type(stream["type"]), "")
@@ -101,7 +101,7 @@ class Observed:
             return None
         self._unread = 0
         stamp = (self._stamp and self._stamp(message)) or self._time_of(info)
-        if isinstance(stamp, int) and is_from_before(stamp, self._began) and self.lasts():
+        if isinstance(stamp, int) and self.lasts() and self._beginning.is_after(stamp):
             stamp = self._now()
         return stamp, self._read(message), {"source": source, "lost": missed}
 
