@@ -168,12 +168,16 @@ def test_what_monitors_say_of_violations_is_none_of_their_events(tmp_path: Path)
             assert scene.server.events(session, stream="/rosout") == []
 
 
-def test_a_monitor_does_not_hear_itself_where_ros_has_moved_its_topics(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("remap", "topic"),
+    [("/uav1/monitor_error:=/faults", "/diagnostics"), ("/diagnostics:=/uav1/health", "/uav1/health")],
+)
+def test_a_monitor_does_not_hear_itself_where_ros_has_moved_its_topics(tmp_path: Path, remap: str, topic: str) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
-        scene.adapter("well", more=("--ros-args", "-r", "/uav1/monitor_error:=/faults"))
+        scene.adapter("well", more=("--ros-args", "-r", remap))
         peer = scene.peer()
-        arrays = peer.record(diagnostic.DiagnosticArray, "/diagnostics")
-        publisher = peer.publisher(diagnostic.DiagnosticArray, "/diagnostics", listeners=2)
+        arrays = peer.record(diagnostic.DiagnosticArray, topic)
+        publisher = peer.publisher(diagnostic.DiagnosticArray, topic, listeners=2)
         publisher.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name="motor")]))
         peer.until(lambda: any(s.level == WARN for array in arrays for s in array.status), "nothing is violated")
         publisher.publish(diagnostic.DiagnosticArray(status=[diagnostic.DiagnosticStatus(name="pump")]))

@@ -120,9 +120,10 @@ class LoggedTopic:
         self._link = shared.link
         self.observed = Observed(shared.node, topic.first)
         self.streams = [self.observed]
-        name = shared.node.resolve_topic_name(shared.names[topic.name])
+        resolve = shared.node.resolve_topic_name
+        has_monitors = resolve(shared.names[topic.name]) in map(resolve, OWN)
         self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
-        self._monitors = Monitors(shared.node, self.subscription) if name in OWN else None
+        self._monitors = Monitors(shared.node, self.subscription) if has_monitors else None
         self.observed.is_foreign, self.observed.lasts = self.subscription.is_foreign, self.subscription.lasts
 
     @property
