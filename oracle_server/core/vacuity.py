@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from oracle_server.core.decided import decided, followed
@@ -18,6 +18,7 @@ from oracle_server.core.formula.render import render, render_atom
 from oracle_server.core.formula.tree import (
     FALSE,
     TRUE,
+    Always,
     Any,
     Atom,
     Bound,
@@ -31,6 +32,7 @@ from oracle_server.core.formula.tree import (
     Or,
     Position,
     Since,
+    Until,
     atoms,
     lasted,
     walk,
@@ -45,6 +47,9 @@ from oracle_server.core.spec import Property, Spec
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.unrelated import unrelated
 from oracle_server.core.worlds import Effort, Truth
+
+_Keeping = Historically | Since | Always | Until
+"""What asks that something holds at step after step."""
 
 
 def vacuous(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
@@ -99,13 +104,15 @@ class _Seen:
                     always = followed(occurrence.instant, occurrence.part, self.known, self.places, self.prop.time)
                     foreign[instant] = always or doubt
         yield from (doubt for instant, doubt in foreign.items() if instant not in told)
-        lacking = frozenset(told)
+        lacking = set(told)
         told |= foreign.keys()
-        for node in walk(self.prop.formula):
-            if isinstance(node, Historically | Since) and not lacking & {id(part) for part in walk(_kept(node))}:
+        asking = _Keeping if self.prop.says == "formula" else Historically | Since  # a sentence's `until` is its scope
+        for node in reversed(list(walk(self.prop.formula))):  # the innermost first, which alone is told
+            if isinstance(node, asking) and not lacking & {id(part) for part in walk(_kept(node))}:
                 ended = list(self._ended(node))
-                told |= {id(doubt.part) for doubt in ended}
+                lacking |= {id(doubt.part) for doubt in ended}
                 yield from ended
+        told |= lacking
         for keeping in self.known.keeping():
             parts = {id(part) for part in walk(keeping.part)}
             if id(keeping.instant) not in told | within and not parts & told:
@@ -170,26 +177,28 @@ class _Seen:
         )
         yield Doubt("idle", node, message, _place(node))
 
-    def _ended(self, node: Historically | Since) -> Iterator[Doubt]:
+    def _ended(self, node: _Keeping) -> Iterator[Doubt]:
         """An operand that must hold at every step, and fails at every event of some stream for want of a signal."""
         operand = _kept(node)
         failing = self._lacking_at(operand)
         if not failing:
             return
-        guard = _guard(operand, failing)
-        text = render(operand, self.prop.time)
-        if isinstance(node, Historically):
-            mended = render(Historically(Implies(guard, operand), node.bound), self.prop.time)
-            after = "for ever after the first one" if node.bound == Bound() else "while one is within its bound"
-            effect = f"so that `{render(node, self.prop.time)}` is false {after}; write `{mended}`"
-        else:
-            mended = render(Since(Implies(guard, operand), node.right, node.bound), self.prop.time)
-            word = "since" if lasted(node) is None else "lasting"
-            effect = f"so that each of them ends the `{word}`; write `{mended}`"
+        mended = _with_kept(node, Implies(_guard(operand, failing), operand))
+        text, whole, mend = (render(each, self.prop.time) for each in (operand, node, mended))
+        match node:
+            case Historically(_, bound):
+                after = "for ever after the first one" if bound == Bound() else "while one is within its bound"
+                effect = f"`{whole}` is false {after}"
+            case Always(_, bound):
+                which = "each of them" if bound == Bound() else "each of them within its bound"
+                effect = f"{which} breaks `{whole}`"
+            case Until():
+                effect = "each of them breaks the `until`, if its right side does not hold there"
+            case Since():
+                effect = f"each of them ends the `{'since' if lasted(node) is None else 'lasting'}`"
         why = _lack(operand, failing)
-        place = _place(operand)
-        yield Doubt("false", operand, f"`{text}` is false at every event of {names_of(failing)}{why}, {effect}", place,
-                    tuple(p.name for p in failing))  # fmt: skip
+        message = f"`{text}` is false at every event of {names_of(failing)}{why}, so that {effect}; write `{mend}`"
+        yield Doubt("false", operand, message, _place(operand), tuple(p.name for p in failing))
 
     def _partial(self) -> Iterator[Doubt]:
         """The whole formula, where it fails at every event of some streams for want of a signal."""
@@ -281,9 +290,15 @@ def _lack(operand: Formula, failing: Sequence[Place]) -> str:
     return f", which {verb} no {quoted(keys, 'or')}" if keys else ""
 
 
-def _kept(node: Historically | Since) -> Formula:
+def _kept(node: _Keeping) -> Formula:
     """The operand that must hold at every step."""
-    return node.operand if isinstance(node, Historically) else node.left
+    return node.operand if isinstance(node, Historically | Always) else node.left
+
+
+def _with_kept(node: _Keeping, kept: Formula) -> Formula:
+    if isinstance(node, Historically | Always):
+        return replace(node, operand=kept, written=None)
+    return replace(node, left=kept, written=None)
 
 
 def _place(node: Formula) -> Position:

@@ -62,6 +62,23 @@ def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
             "them ends the `since`; write `({percent: *} -> {percent > 5}) since {stopped}`",
         ),
         (
+            "{stopped} -> always[:4] {cmd: 0}",
+            "`{cmd: 0}` is false at every event of /estop and /battery, which have no `cmd`, so that each of them "
+            "within its bound breaks `always[:4] {cmd: 0}`; write `always[:4] ({cmd: *} -> {cmd: 0})`",
+        ),
+        (
+            "{stopped} -> eventually[:4] always historically[:2] {cmd: 0}",
+            "`{cmd: 0}` is false at every event of /estop and /battery, which have no `cmd`, so that "
+            "`historically[:2] {cmd: 0}` is false while one is within its bound; write "
+            "`historically[:2] ({cmd: *} -> {cmd: 0})`",
+        ),
+        (
+            "{stopped} -> {cmd: 0} until[:4] {percent > 5}",
+            "`{cmd: 0}` is false at every event of /estop and /battery, which have no `cmd`, so that each of them "
+            "breaks the `until`, if its right side does not hold there; write "
+            "`({cmd: *} -> {cmd: 0}) until[:4] {percent > 5}`",
+        ),
+        (
             'not ({topic: "/cmd_vel", cmd > 1} and {topic: "/estop"})',
             '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
             'of one stream; write `once {topic: "/estop"}` if it may have held before',
@@ -174,6 +191,9 @@ def test_what_the_event_that_asks_answers_itself_is_told_of(formula: str) -> Non
         'historically({topic: "/battery"} -> {percent > 5})',
         "historically({percent: *} -> {percent >= 20})",
         'historically not {topic: "/estop", stopped}',
+        "{stopped} -> always[:4] {level > 3}",
+        "{stopped} -> always[:4] not {cmd > 0}",
+        "{stopped} -> always[:4] ({cmd: *} -> {cmd: 0})",
         '{topic: "/battery", percent < 5} -> lasting[2] {topic: "/battery"}',
         '{percent < 5} -> ({topic: "/battery"} since {topic: "/estop"})',
         'not ({topic: "/battery"} since[2:] {topic: "/estop"})',
