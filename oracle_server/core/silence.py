@@ -6,7 +6,7 @@ What else they read is gone by then, or they are judged at messages alone.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import turned
@@ -16,20 +16,26 @@ from oracle_server.core.derived.lacking import lacking
 from oracle_server.core.derived.samples import Lack
 from oracle_server.core.derived.window import Session
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.ahead import looks_ahead
+from oracle_server.core.formula.ahead import Obligation, looks_ahead, obligation
+from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import (
     STEP,
+    Always,
     Any,
     Atom,
+    Bound,
     Forall,
     Formula,
     Implies,
     Limit,
     Not,
+    Once,
     Ref,
     Scalar,
     Signal,
+    Until,
     children,
+    walk,
 )
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.lacks import quoted
@@ -38,16 +44,25 @@ from oracle_server.core.withholding import lasting, present, without_signals
 
 _MORE = {"age": (">", ">="), "rate": ("<", "<="), "count": ("<", "<=")}
 """The comparisons that silence makes true; it makes the others of these signals false."""
+_LASTING: Mapping[str, re.Pattern[str]] = {
+    "pattern": re.compile(r"\balways\b"),
+    "requirement": re.compile(r"\bshall\s+(always|never)\b", re.IGNORECASE),
+}
+"""What sentences have that deadlines can break; all others are about messages."""
 
 
 def unseen_silence(spec: Spec) -> Iterator[SpecProblem]:
     """Warnings of properties that say how long nothing may come, and that no deadline violates."""
     for i, prop in enumerate(spec.properties):
-        if prop.numeric or prop.external or looks_ahead(prop.formula):
+        if prop.numeric or prop.external:
             continue
         names = frozenset(spec.derived_of(prop))
         reads = [each for each in spec.derive if each.name in names]
-        why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads) or _why_computed(spec, prop)
+        owed = obligation(prop.formula)
+        if owed is None:
+            why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads) or _why_computed(spec, prop)
+        else:
+            why = _why_awaited(spec, prop, reads, owed)
         if why:
             message = f"formula of '{prop.id}': no deadline violates it, so that silence is not told: {why}"
             yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="vacuous")
@@ -89,18 +104,69 @@ def _why_at_messages(spec: Spec, prop: Property, reads: Iterable[Definition]) ->
 
     One that guards is asked at what it guards.
     """
-    is_sentence = prop.says == "pattern" and not re.search(r"\balways\b", prop.text)
+    lasts = _LASTING.get(prop.says)
+    is_sentence = lasts is not None and not lasts.search(prop.text)
     if prop.time == "seconds":
         formula = _at_steps(prop.formula) if is_sentence and not prop.measures else None
     else:
-        formula = None if prop.time_given or prop.guards or prop.engine == "reelay" else prop.formula
-    if formula is None:
+        formula = None if _is_meant(prop) else prop.formula
+    broken = _broken(spec, formula, reads) if formula is not None else set()
+    if not broken:
         return ""
+    if is_sentence:
+        lead = f"such a {prop.says} is about messages; write what must hold with"
+        either = "`always`, as `always not {…}`" if prop.says == "pattern" else "`always` or `never`, or as a formula"
+        return f"{_while_silent(broken)}, and {lead} {either}, and `time: seconds`"
+    return f"{_while_silent(broken)}, and steps are messages; write `time: seconds`"
+
+
+def _why_awaited(spec: Spec, prop: Property, reads: Iterable[Definition], owed: Obligation) -> str:
+    """Why a property that asks for what silence would break does not see it; empty where it does, or is meant not to.
+
+    What waits for what comes is judged at messages, whatever its bounds count.
+    """
+    if prop.says != "formula" or _is_meant(prop):
+        return ""
+    broken = set[str]()
+    for node in walk(owed.goal):
+        kept = node.operand if isinstance(node, Always) else node.left if isinstance(node, Until) else None
+        if kept is not None and not looks_ahead(kept):
+            broken |= _broken(spec, kept, reads) | {key for key, _ in _computed(spec, kept)}
+    if not broken:
+        return ""
+    awaits = "what waits for what comes is judged at messages"
+    mend = _of_the_past(prop, owed) or "once[:10s] {start} -> {…}"
+    return f"{_while_silent(broken)}, and {awaits}; ask it of the past, as in `{mend}`, with `time: seconds`"
+
+
+def _of_the_past(prop: Property, owed: Obligation) -> str:
+    """What an obligation asks, said of the past, empty where that is not said so simply."""
+    trigger, goal = owed.trigger, owed.goal
+    if owed.variables or not isinstance(goal, Always) or looks_ahead(goal.operand):
+        return ""
+    if trigger is None:
+        return render(goal.operand, "seconds")
+    if prop.time == "steps" and goal.bound != Bound():
+        return ""
+    return render(Implies(Once(trigger, goal.bound), goal.operand), "seconds")
+
+
+def _is_meant(prop: Property) -> bool:
+    """Whether a property is judged at messages because it says so, or is asked at them alone."""
+    return bool(prop.guards) or prop.engine == "reelay" or (prop.time == "steps" and prop.time_given)
+
+
+def _while_silent(broken: Collection[str]) -> str:
+    return f"{quoted(sorted(broken))} {'changes' if len(broken) == 1 else 'change'} while no message comes"
+
+
+def _broken(spec: Spec, formula: Formula, reads: Iterable[Definition]) -> set[str]:
+    """The signals of a formula by which silence would break it."""
     growing = {each.name: _MORE[each.op] for each in reads if each.op in _MORE and each.changes}
     quiet = without_signals(lasting(spec, {by for each in reads if each.name in growing for by in each.by}))
     if present(formula, quiet) is True:
-        return ""
-    broken = {
+        return set()
+    return {
         c.key
         for atom, wanted in _signed(formula)
         if quiet(atom) is not False
@@ -108,34 +174,31 @@ def _why_at_messages(spec: Spec, prop: Property, reads: Iterable[Definition]) ->
         for c in ((one, turned(one)) if isinstance(one.value, Signal) else (one,))
         if c.key in growing and c.op not in ("==", "!=") and (c.op in growing[c.key]) is not wanted
     }
-    if not broken:
-        return ""
-    while_silent = f"{quoted(sorted(broken))} {'changes' if len(broken) == 1 else 'change'} while no message comes"
-    if is_sentence:
-        mend = "write what must hold with `always`, as `always not {…}`, and `time: seconds`"
-        return f"{while_silent}, and such a pattern is about messages; {mend}"
-    return f"{while_silent}, and steps are messages; write `time: seconds`"
 
 
 def _why_computed(spec: Spec, prop: Property) -> str:
     """Why a property that silence would violate by what is computed of a rate or count is judged at messages alone."""
-    if prop.guards or prop.engine == "reelay" or (prop.time == "steps" and prop.time_given):
-        return ""
+    for key, of in () if _is_meant(prop) else _computed(spec, prop.formula):
+        return (
+            f"`{key}` is computed of `{of}`, which changes while no message comes, and an expression has "
+            f"no deadlines; compare `{of}` itself, with `time: seconds`"
+        )
+    return ""
+
+
+def _computed(spec: Spec, formula: Formula) -> Iterator[tuple[str, str]]:
+    """The signals computed of a rate or count by which silence would break a formula, each with one of these."""
     fading = [each for each in spec.derive if each.op in _MORE and each.timed]
     quiet = without_signals(lasting(spec, {by for each in fading for by in each.by}))
-    if present(prop.formula, quiet) is True:
-        return ""
+    if present(formula, quiet) is True:
+        return
     computed = _in_silence(spec, [each.name for each in fading])
-    for atom, wanted in _signed(prop.formula):
+    for atom, wanted in _signed(formula):
         for c in atom.constraints if quiet(atom) is not False else ():
             if c.key in computed and not isinstance(c.value, Any | Ref | Signal | Limit):
                 value, of = computed[c.key]
                 if meets(c, value) is not wanted:
-                    return (
-                        f"`{c.key}` is computed of `{of}`, which changes while no message comes, and an expression has "
-                        f"no deadlines; compare `{of}` itself, with `time: seconds`"
-                    )
-    return ""
+                    yield c.key, of
 
 
 def _in_silence(spec: Spec, fading: Sequence[str]) -> dict[str, tuple[Scalar, str]]:

@@ -97,6 +97,54 @@ def test_a_pattern_that_is_about_messages_is_told_to_be_written_with_always(prop
 
 
 @pytest.mark.parametrize(
+    ("prop", "what", "mend"),
+    [
+        (
+            "formula: '{topic: /odom} -> always[:10s] {idle <= 1}', time: seconds",
+            "idle",
+            'once[:10s] {topic: "/odom"} -> {idle <= 1}',
+        ),
+        ("formula: '{topic: /odom} -> always not {often < 5}'", "often", 'once {topic: "/odom"} -> not {often < 5}'),
+        (
+            "formula: '{topic: /odom} -> always[1s:2s] not {few}', time: seconds",
+            "few",
+            'once[1s:2s] {topic: "/odom"} -> not {few}',
+        ),
+        ("formula: 'always[:10] {idle <= 1}'", "idle", "{idle <= 1}"),
+        ("formula: '{topic: /odom} -> always[:10] {idle <= 1}'", "idle", "once[:10s] {start} -> {…}"),
+        (
+            "formula: '{topic: /odom} -> {idle <= 1} until[:9s] {topic: /mode}', time: seconds",
+            "idle",
+            "once[:10s] {start} -> {…}",
+        ),
+        (
+            "formula: 'forall[m]. {mode: *m} -> eventually[:1s] always[:9s] {idle <= 1}', time: seconds",
+            "idle",
+            "once[:10s] {start} -> {…}",
+        ),
+    ],
+)
+def test_what_waits_for_what_comes_is_judged_at_messages_alone(prop: str, what: str, mend: str) -> None:
+    (found,) = told(prop)
+    assert f"`{what}` changes while no message comes, and what waits for what comes is judged at messages" in found
+    assert found.endswith(f"ask it of the past, as in `{mend}`, with `time: seconds`")
+
+
+@pytest.mark.parametrize("time", ["", ", time: seconds"])
+@pytest.mark.parametrize(
+    "prop",
+    [
+        "requirement: 'upon {mode: AUTO} the robot shall until {mode: IDLE} satisfy {idle <= 1}'",
+        "requirement: 'upon {mode: AUTO} the robot shall for 10 s satisfy not {idle > 1}'",
+    ],
+)
+def test_a_requirement_that_is_about_messages_is_told_to_be_written_otherwise(prop: str, time: str) -> None:
+    (found,) = told(prop + time)
+    mend = "write what must hold with `always` or `never`, or as a formula, and `time: seconds`"
+    assert found.endswith(f"while no message comes, and such a requirement is about messages; {mend}")
+
+
+@pytest.mark.parametrize(
     "prop",
     [
         "formula: '{topic: /odom} -> {idle <= 1}'",  # it is asked at /odom alone
@@ -109,6 +157,11 @@ def test_a_pattern_that_is_about_messages_is_told_to_be_written_with_always(prop
         "formula: '{lately <= 2}'",
         "formula: 'not {last_ten < 3}'",  # time does not change it
         "formula: 'first -> eventually[:5] {idle < 1}'",
+        "formula: '{topic: /odom} -> always[:5] {idle < 1}', time: steps",
+        "formula: '{topic: /odom} -> always[:5] {idle < 1}', guards: [/odom]",
+        "formula: '{topic: /odom} -> always[:5] ({topic: /odom} -> {idle < 1})'",
+        "formula: '{topic: /odom} -> always[:5] not {idle < 0.1}'",
+        "requirement: 'upon {mode: AUTO} the robot shall within 10 s satisfy {idle <= 1}'",
         "formula: 'not {per_minute > 3000}'",
         "formula: '{per_minute > 3000} -> {mode: FAST}', time: seconds",
         "pattern: 'always {few: *} and {part < 3}'",
@@ -129,6 +182,9 @@ def test_nothing_is_said_of_what_is_meant_of_messages(prop: str) -> None:
         ("pattern: 'no {idle > 1}', time: seconds", False),
         ("formula: '{idle <= 1}', time: seconds", True),
         ("pattern: 'always not {idle > 1}', time: seconds", True),
+        ("formula: '{topic: /scan} -> always[:80s] {idle <= 1}', time: seconds", False),
+        ('formula: "once[:80s] {topic: /scan} -> {idle <= 1}", time: seconds', True),
+        ("requirement: 'upon {topic: /scan} the robot shall for 80 s satisfy {idle <= 1}'", False),
     ],
 )
 def test_what_is_said_is_so(prop: str, *, violated: bool) -> None:
