@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from typing import NamedTuple
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import NAMING
+from oracle_server.core.plan import can_meet
 from oracle_server.core.spec import Spec
 from oracle_server.replay.coverage import signal_names
 
 _SPACES = str.maketrans("- ", "__")
+
+
+class _Asked(NamedTuple):
+    """That a property or derived signal compares a signal with a text, at the events that its atom may meet."""
+
+    reader: str
+    name: str
+    text: str
+    at: Atom
 
 
 class Spelling:
@@ -18,35 +29,59 @@ class Spelling:
 
     def __init__(self, spec: Spec) -> None:
         """Begin with nothing seen."""
-        self._asked = [
-            (reader, name, text)
-            for reader, atoms in _readers(spec)
-            for name, text in dict.fromkeys(pair for atom in atoms for pair in _texts(atom))
-        ]
-        wanted: dict[str, dict[str, set[str]]] = {}
-        for _, name, text in self._asked:
-            wanted.setdefault(name, {}).setdefault(_plain(text), set())
-        self._seen: Mapping[str, Mapping[str, set[str]]] = wanted
-        """By signal and plain spelling, how its values were spelt."""
-        self._names = {key: [n for n in signal_names(spec, key) if n in wanted] for key in spec.by_key}
+        self._signals = names = {key: signal_names(spec, key) for key in spec.by_key}
+        asked = dict.fromkeys(_Asked(reader, *each) for reader, atoms in _readers(spec) for each in _texts(atoms))
+        self._asked = {each: _sources(spec, names, each) for each in asked}
+        """By what is asked the streams whose values may be meant."""
+        self._seen: dict[tuple[StreamKey, str], dict[str, set[str]]] = {}
+        """By stream, signal and plain spelling, how its values were spelt."""
+        for each, sources in self._asked.items():
+            for key in sources:
+                self._seen.setdefault((key, each.name), {}).setdefault(_plain(each.text), set())
+        self._names = {key: [n for n in own if (key, n) in self._seen] for key, own in names.items()}
 
     def look(self, stream: StreamKey, signals: Mapping[str, Scalar]) -> None:
         """Look at what an event of a stream had itself."""
         for name in self._names.get(stream, ()):
             value = signals.get(name)
             if isinstance(value, str):
-                seen = self._seen[name].get(_plain(value))
+                seen = self._seen[stream, name].get(_plain(value))
                 if seen is not None:
                     seen.add(value)
 
     def doubts(self) -> Iterator[str]:
         """What is to be said, a line each."""
-        asked = set(self._asked)
-        for reader, name, text in self._asked:
-            seen: Set[str] = self._seen[name][_plain(text)]
-            if seen and not any((reader, name, value) in asked for value in seen):
-                had = " or ".join(f'"{value}"' for value in sorted(seen)[:3])
-                yield f'{reader} compares {name} with "{text}", which it never was: it was {had}'
+        told = dict.fromkeys(
+            f'{each.reader} compares {each.name}{self._of(each)} with "{each.text}", which it never was: it was {had}'
+            for each in self._asked
+            if (had := " or ".join(f'"{value}"' for value in sorted(self._otherwise(each))[:3]))
+        )
+        yield from told
+
+    def _otherwise(self, asked: _Asked) -> Set[str]:
+        """How a text was spelt, none where it was as its reader asks, there or by another atom."""
+        plain = _plain(asked.text)
+        ways = {(key, value) for key in self._asked[asked] for value in self._seen[key, asked.name][plain]}
+        if not ways:
+            return set()
+        by_reader = [each for each in self._asked if (each.reader, each.name) == (asked.reader, asked.name)]
+        wanted = {(key, each.text) for each in by_reader for key in self._asked[each]}
+        return set() if ways & wanted else {value for _, value in ways}
+
+    def _of(self, asked: _Asked) -> str:
+        """Whose signal it is, where others have one of its name."""
+        sources = self._asked[asked]
+        others = any(asked.name in own and key not in sources for key, own in self._signals.items())
+        return f" of {' and '.join(map(str, sources))}" if others else ""
+
+
+def _sources(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: _Asked) -> list[StreamKey]:
+    """The streams that have a signal which an atom reads at their events, or at others' since they hold it."""
+    return [
+        key
+        for key, own in names.items()
+        if asked.name in own and (can_meet(spec.by_key[key], asked.at) or asked.name in spec.by_key[key].hold)
+    ]
 
 
 def _readers(spec: Spec) -> Iterator[tuple[str, tuple[Atom, ...]]]:
@@ -55,11 +90,12 @@ def _readers(spec: Spec) -> Iterator[tuple[str, tuple[Atom, ...]]]:
     yield from ((definition.name, definition.tested) for definition in spec.derive)
 
 
-def _texts(atom: Atom) -> Iterator[tuple[str, str]]:
-    """The signals of an atom that are compared with texts, with these."""
-    for constraint in atom.constraints:
-        if isinstance(constraint.value, str) and constraint.key not in NAMING:
-            yield constraint.key, constraint.value
+def _texts(atoms: Iterable[Atom]) -> Iterator[tuple[str, str, Atom]]:
+    """The signals that atoms compare with texts, with these, and what else the atoms say of whose events they mean."""
+    for atom in atoms:
+        for constraint in atom.constraints:
+            if isinstance(constraint.value, str) and constraint.key not in NAMING:
+                yield constraint.key, constraint.value, Atom(tuple(c for c in atom.constraints if c.key in NAMING))
 
 
 def _plain(text: str) -> str:
