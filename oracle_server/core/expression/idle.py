@@ -15,10 +15,11 @@ _READS = re.compile(r"msg\s*[.\[]")
 def idle(expression: Expression) -> str | None:
     """What is said of one that reads nothing, None of others, and where the value is as good as written out alone.
 
-    A value by itself names the events of a stream, or says what all of them have; what has none is told elsewhere.
+    A value by itself names the events of a stream, or says what all of them have, as does a number that is computed of
+    numbers, `3.14 / 2`; what has none is told elsewhere.
     """
     parts = tree.walk(expression.tree)
-    if any(_may_differ(part) for part in parts):
+    if any(_may_differ(part) for part in parts) or (len(parts) > 1 and all(_is_number(part) for part in parts)):
         return None
     first = parts[0]
     if not isinstance(first, tree.Literal):
@@ -33,3 +34,13 @@ def _may_differ(part: Node) -> bool:
     if isinstance(part, tree.Call):
         return part.name in ("todo", "unknown")
     return isinstance(part, tree.Path | tree.Variable)
+
+
+def _is_number(part: Node) -> bool:
+    """Whether a part is a number, or arithmetic where its own parts are such."""
+    match part:
+        case tree.Literal(value):
+            return isinstance(value, float | int) and not isinstance(value, bool)
+        case tree.Unary(mark):
+            return mark == "-"
+    return isinstance(part, tree.Chain)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle_server.core.errors import ExpressionError
-from oracle_server.core.expression import check_shape, parse_expression
+from oracle_server.core.expression import check_shape, idle, parse_expression
 from oracle_server.core.expression.values import NO_ORDER
 from oracle_server.core.signals import DefaultProjection, Projection
 
@@ -270,3 +270,13 @@ def evaluated(projection: Projection, text: str, message: dict[str, object]) -> 
     assert set(projection.reasons(message)) == failed
     assert not any(isinstance(v, float) and not math.isfinite(v) for v in signals.values())
     check_shape(parse_expression(text), None)
+
+
+@pytest.mark.parametrize("text", ["3.14 / 2", "-1", "-(2)", "1 + 2 * -3.5", "'open'", "true", "msg.x > 3", "todo()"])
+def test_a_number_computed_of_numbers_is_meant(text: str) -> None:
+    assert idle(parse_expression(text)) is None
+
+
+@pytest.mark.parametrize("text", ["3 > 2", "'a' + 'b'", "!true", "sqrt(2)", "min(3, 0.5) + 0.4", "true && false"])
+def test_what_else_reads_nothing_of_the_message_is_told(text: str) -> None:
+    assert idle(parse_expression(text)) == f"`{text}` reads nothing of the message, and is the same at each one"
