@@ -143,6 +143,11 @@ class Measuring(Engine, Protocol):
         """Above 0 where the formula held at the last step, below where it did not, None where that is not known."""
         ...
 
+    @property
+    def begun(self) -> bool:
+        """Whether a step has had all that the formula reads: before, nothing is known, and nothing missed."""
+        ...
+
 
 def outcome(formula: Formula, holds: bool) -> Outcome:
     """The outcome of a formula that holds or does not, final in the two plain cases.

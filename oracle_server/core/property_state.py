@@ -105,6 +105,7 @@ class PropertyState(Counted):
     """What its next tick fails by."""
     _goes_on: bool = field(init=False)
     """Whether the engine is asked on once the property is latched, to tell whom it blames."""
+    _measuring: Measuring | None = field(init=False)
     _guarding: Guarding | None = field(init=False)
     """The engine, where it tells what breaks obligations that were decided before, and has not failed."""
     _revisable: Revisable | None = field(init=False)
@@ -114,6 +115,7 @@ class PropertyState(Counted):
         """Find out once what its engine can do."""
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
         self._revisable = self.engine if isinstance(self.engine, Revisable) else None
+        self._measuring = self.engine if isinstance(self.engine, Measuring) else None
         self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
         prop = self.property
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
@@ -158,8 +160,10 @@ class PropertyState(Counted):
         """What an outcome of the engine comes to at a step, by when a time (ns) must have come."""
         self._take_unanswered()
         self.unowed = _HOLDS
-        if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
-            self.failures += view.observed
+        fails = bool(failed) and not view.reads.isdisjoint(failed)
+        if outcome is Outcome.UNKNOWN or fails:
+            if fails or self._measuring is None or self._measuring.begun:  # before it begins nothing is missed
+                self.failures += view.observed
             self.unowed = Outcome.UNKNOWN
             if not self.unanswered:
                 return Outcome.UNKNOWN
@@ -332,9 +336,9 @@ class PropertyState(Counted):
     @builtin_property
     def robustness(self) -> float | None:
         """The engine's robustness at the last step; None where it was not stepped, or has none."""
-        if self.outcome in FINAL or self.broken is not None or not isinstance(self.engine, Measuring):
+        if self.outcome in FINAL or self.broken is not None or self._measuring is None:
             return None
-        return self.engine.robustness
+        return self._measuring.robustness
 
     def _take_back(self, engine: Revisable) -> None:
         """Take a tick back, and count its cost."""
@@ -348,7 +352,7 @@ class PropertyState(Counted):
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
         self.broken, self._revisable = reason, None
-        self.engine, self.owed, self._guarding = Broken(self.complaint), None, None
+        self.engine, self.owed, self._guarding, self._measuring = Broken(self.complaint), None, None, None
 
     def _take_unanswered(self) -> None:
         """Count what obligations were decided with the last step, or by the time that came last."""

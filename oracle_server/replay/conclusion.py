@@ -88,6 +88,7 @@ def conclude(replay: Replay) -> Conclusion:
     elif unjudged or (replay.strict and (doubts or replay.warnings)):
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
+    remarks += tuple(f"{name}: judged from step {step} on, and unknown before" for name, step in replay.begun.items())
     if replay.revised:
         remarks += (replay.revised,)
     return Conclusion(

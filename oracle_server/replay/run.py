@@ -252,6 +252,11 @@ class Replay:
         return self._unjudged.found() if self.events else {}
 
     @property
+    def begun(self) -> dict[str, int]:
+        """The formulas over numbers that were unknown at first, with the number of the first step that was judged."""
+        return self._unjudged.begun
+
+    @property
     def coverage(self) -> Coverage:
         """The events and signals of each stream."""
         return {key: counting.counts() for key, counting in self._counting.items()}

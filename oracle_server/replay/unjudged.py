@@ -22,6 +22,9 @@ class Unjudged:
         self._properties = ready.spec.properties
         self._never = {prop.id for prop in self._properties}
         """Those that were unknown at every step."""
+        self._numeric = {prop.id for prop in self._properties if prop.numeric}
+        self.begun: dict[str, int] = {}
+        """Formulas over numbers that were unknown at first, each with the number of the first step that was judged."""
         self._own = {key: frozenset(signal_names(ready.spec, key)) for key in ready.streams}
         self._waiting: dict[tuple[Order, StreamKey], dict[int, bool]] = {}
         """By order and stream the properties, by index, that were not judged there; and whether they were unknown."""
@@ -29,8 +32,10 @@ class Unjudged:
     def note(self, judged: Judged) -> None:
         """Note a judged step."""
         for verdict in judged.verdicts if self._never else ():
-            if verdict.outcome is not Outcome.UNKNOWN:
+            if verdict.outcome is not Outcome.UNKNOWN and verdict.property in self._never:
                 self._never.discard(verdict.property)
+                if verdict.property in self._numeric and (judged.number or 0) > 1:
+                    self.begun[verdict.property] = judged.number or 0
         stream = judged.step.event.stream
         if stream.kind == TICK:
             return

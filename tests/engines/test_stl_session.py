@@ -121,6 +121,28 @@ def test_a_failed_signal_is_unknown_until_the_next_value() -> None:
     assert told(records) == [("currently_true", 2), ("unknown", None), ("unknown", None), ("currently_true", 1)]
 
 
+@pytest.mark.parametrize(
+    ("first", "is_degraded"),
+    [
+        ([("/cmd", 0), ("/cmd", 1)], False),
+        ([("/odom", "NaN")], True),
+        ([("/odom", "fast"), ("/cmd", 0)], True),
+        ([("/cmd", 0), ("/odom", None), ("/cmd", 0)], False),
+    ],
+)
+def test_nothing_is_missed_before_all_signals_have_been_there(
+    first: list[tuple[str, Any]], *, is_degraded: bool
+) -> None:
+    records = judge(*first, ("/odom", 1.5))
+    assert told(records) == [*[("unknown", None)] * len(first), ("currently_true", 1.5)]
+    assert records[-1]["degraded"] is is_degraded
+
+
+def test_a_gap_later_on_is_a_step_that_was_not_judged() -> None:
+    records = judge(("/cmd", 0), ("/odom", 1), ("/cmd", 0), ("/odom", 1), hold="")
+    assert [record["degraded"] for record in records] == [False, False, False, True]
+
+
 def test_a_violation_tells_the_robustness_and_the_signals() -> None:
     (_, violated) = judge(("/odom", 1), ("/odom", 4))
     explanation = violated["explanation"]

@@ -279,6 +279,17 @@ def test_a_spec_may_ask_for_two_spellings(tmp_path: Path) -> None:
     assert run_replay([write_spec(tmp_path, text)], events, None, "text", strict=True) == 0
 
 
+def test_a_formula_over_numbers_begins_where_all_its_signals_have_been_there(tmp_path: Path) -> None:
+    streams = "{topic: /battery, signals: {level: msg.level}, hold: [level]}, {topic: /mode, signals: {mode: msg.mode}}"
+    text = f"id: a\nstreams: [{streams}]\nproperties:\n  - {{id: p, formula: level > 20, engine: rtamt}}\n"
+    spec = write_spec(tmp_path, text)
+    found = judge(spec, trace(tmp_path, ("/mode", FULL), ("/battery", {"level": 50}), ("/mode", FULL)))
+    assert (found.exit, found.strict, found.summary["doubts"]) == (0, 0, [])
+    assert found.said == "p: judged from step 2 on, and unknown before"
+    found = judge(spec, trace(tmp_path, ("/mode", FULL), ("/mode", FULL)))
+    assert (found.exit, found.strict) == (3, 3)
+
+
 STRANGE: dict[str, tuple[str, list[dict[str, Any]], str]] = {
     "numbers as texts": (
         "not {level < 20}",

@@ -40,10 +40,13 @@ class StlEngine:
         self._values: dict[str, float] = {}
         self.robustness: float | None = None
         """How far the formula is from changing its truth at the last step, None where that is not known."""
+        self.begun = False
+        """Whether a step has had all signals."""
 
     def step(self, time: int, matches: Matches) -> Outcome:
         """Judge the next step. Robustness 0 is unknown, since rtamt has the same for `<` and `<=`."""
         self.robustness = None
+        self.begun = self.begun or all(matches)
         sample = self._sample(matches)
         if sample is None:
             return Outcome.UNKNOWN
