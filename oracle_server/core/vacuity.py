@@ -12,13 +12,14 @@ from typing import Literal
 
 from oracle_server.core.decided import decided, followed
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.ahead import looks_ahead
+from oracle_server.core.formula.ahead import looks_ahead, obligation
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_atom
 from oracle_server.core.formula.tree import (
     FALSE,
     TRUE,
     Always,
+    And,
     Any,
     Atom,
     Bound,
@@ -34,10 +35,11 @@ from oracle_server.core.formula.tree import (
     Since,
     Until,
     atoms,
+    children,
     lasted,
     walk,
 )
-from oracle_server.core.instants import Instants, Occurrence
+from oracle_server.core.instants import Instants, Occurrence, Row
 from oracle_server.core.joins import unjoined
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.lacks import quoted, whose
@@ -234,8 +236,8 @@ class _Seen:
 
     def _unused_guards(self) -> Iterator[Doubt]:
         """Streams at whose events the property holds, so that it can deny none: not where it was negative before."""
-        row = self.known.row(self.prop.formula)
-        if self.prop.latch or all(row) or looks_ahead(self.prop.formula):
+        row = self._holding()
+        if self.prop.latch or all(row):
             return
         for name in sorted(self.prop.guards):
             own = [
@@ -251,6 +253,18 @@ class _Seen:
                     "what other streams say under their `hold`"
                 )
                 yield Doubt("true", self.prop.formula, message, (1, 1), tuple(p.name for p, _ in own), "guards")
+
+    def _holding(self) -> Row:
+        """Where no event can break the property: of what waits for what comes, what it asks by `always`."""
+        found = obligation(self.prop.formula)
+        if found is None:
+            return self.known.row(self.prop.formula)
+        waiting = [node for node in walk(found.goal) if looks_ahead(node)]
+        if any(isinstance(node, And) and not all(map(looks_ahead, children(node))) for node in waiting):
+            return (None,) * len(self.places)  # a part is asked of the event that asks
+        kept = [node.operand for node in waiting if isinstance(node, Always) and not looks_ahead(node.operand)]
+        rows = zip(*map(self.known.row, kept), strict=True)
+        return tuple(True if all(column) else None for column in rows)
 
     def _constant(self, instant: Formula, value: Truth) -> Doubt:
         what = "holds" if value else "fails"

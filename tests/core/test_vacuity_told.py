@@ -220,6 +220,25 @@ def test_what_can_be_meant_is_not_warned_of(formula: str) -> None:
     assert warnings(formula) == ()
 
 
+@pytest.mark.parametrize(
+    ("asked", "is_idle"),
+    [
+        ("always[:5] not {level > 3}", False),
+        ("always[:5] not {percent > 3}", True),
+        ("always[:5] not {percent > 3} and always not {cmd > 0}", False),
+        ("always[:5] not {percent > 3} and always not {mode: AUTO}", True),
+        ("always[:5] ({cmd > 0} -> always[:5] not {percent > 3})", True),
+        ("{id: *} and always[:5] not {percent > 3}", False),
+        ("always[:5] not {cmd > 0}", False),
+    ],
+)
+def test_a_guard_of_what_its_stream_never_breaks_denies_none(asked: str, *, is_idle: bool) -> None:
+    guarded = STREAMS.replace("msg.linear.x}", "msg.linear.x}, action: filter")
+    text = f"{guarded}  - {{id: p, formula: '{{stopped}} -> {asked}', guards: [/cmd_vel], blame: any}}\n"
+    told = [w.message for w in parse_spec(text, "x.yaml").warnings]
+    assert any(text.startswith("property 'p': it guards /cmd_vel, and holds at every") for text in told) is is_idle
+
+
 def test_the_mend_mends() -> None:
     assert warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
     text = STREAMS.replace("id: string(msg.id)}", "id: string(msg.id)}\n    hold: [stopped]")
