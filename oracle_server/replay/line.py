@@ -125,7 +125,11 @@ def _of_flat(value: dict[str, Any]) -> tuple[dict[str, Any], str]:
     times = {"time" if "time" in value else "t": flat.time}
     if "topic" not in value:
         times["stamp"] = flat.stamp
-    faults = (f"`{key}` is {told(value[key])}" for key, read in times.items() if read is None and value.get(key))
+    faults = (
+        f"`{key}` is {told(value[key])}"
+        for key, read in times.items()
+        if read is None and (value.get(key) or (key != "stamp" and value.get(key) == 0))
+    )
     return line, next((f"{fault}, and no time in seconds since 1970" for fault in faults), "")
 
 

@@ -52,6 +52,7 @@ FLAT: dict[str, tuple[Any, str]] = {
     "nanoseconds": (BASE, f"`time` is {BASE}, and no time in seconds since 1970"),
     "milliseconds": (BASE // 10**6, "`time` is 1732147200000, and no time in seconds since 1970"),
     "negative": (-5.0, "`time` is -5.0, and no time in seconds since 1970"),
+    "zero": (0, "`time` is 0, and no time in seconds since 1970"),
     "null": (None, "it has no time of arrival"),
     "a boolean": (True, "`time` is true, and no time"),
 }
