@@ -101,7 +101,7 @@ def _scoped(reader: Reader, bound: Bound) -> Formula:
     rest = reader.pieces[reader.at :]
     colon = next((reader.at + i for i, piece in enumerate(rest) if piece.text == ":"), None)
     if colon is None:
-        if reader.next.text in SCOPES and reader.next.text != "globally":
+        if reader.next.text in SCOPES and reader.next.text not in reader.names.known:
             reader.refuse("a scope ends with `:`, as in `after /start: no /error`")
         return _body(reader, scopes.EVERYWHERE, bound)
     scope = _scope(reader, colon)
