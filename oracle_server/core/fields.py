@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -206,8 +206,7 @@ def _doubts(
         if doubtful and key in warned:
             continue
         if doubtful:
-            declared = {name for s in streams for name in s.signals or ()}
-            yield "warning", key, _read_of_unknown(key, doubtful, declared)
+            yield "warning", key, _read_of_unknown(key, doubtful, streams, spec.streams)
         else:
             yield "error", key, _unknown_signal(key, streams, types, held)
             return
@@ -254,13 +253,18 @@ def _to_a_value(shape: Shape) -> str:
     return text
 
 
-def _read_of_unknown(key: str, streams: Iterable[StreamSpec], declared: Iterable[str]) -> str:
-    first, *_ = streams
-    where = either(str(s.key) for s in streams)
+def _read_of_unknown(
+    key: str, doubtful: Sequence[StreamSpec], possible: Iterable[StreamSpec], streams: Iterable[StreamSpec]
+) -> str:
+    """What is said of a signal that an atom reads of streams whose messages are not known, of all that it may mean."""
+    first, where = doubtful[0], either(str(s.key) for s in doubtful)
     why = f"whose type, {first.type}, is not known here" if first.type else "whose `type` is not given"
-    meant = nearest(key, declared)
-    hint = f"; {meant}" if meant else ""
-    return f"'{key}' is declared by no stream; it would be read from a field of {where}, {why}{hint}"
+    read = f"it would be read from a field of {where}, {why}"
+    owners = [str(s.key) for s in streams if key in (s.signals or ())]
+    if owners:
+        return f"'{key}' is a signal of {listed(owners)}, and not declared here: {read}"
+    meant = nearest(key, {name for s in possible for name in s.signals or ()})
+    return f"'{key}' is declared by no stream; {read}{f'; {meant}' if meant else ''}"
 
 
 def _unknown_signal(key: str, streams: list[StreamSpec], types: StreamTypes, held: frozenset[str]) -> str:

@@ -94,6 +94,12 @@ def test_what_a_formula_asks_of_them_can_be_met(formula: str, says: str) -> None
     assert first.startswith("12:")
 
 
+def test_an_age_in_a_formula_over_numbers_is_told_in_its_own_words() -> None:
+    (first, *_) = told(formula="age < 1", more=", engine: rtamt")
+    assert "'age' is an age, which changes at every instant, and a formula over numbers is judged at steps" in first
+    assert first.endswith("leave `engine` out, and compare it with a number, as `{age < 0.5}`")
+
+
 def test_a_rate_that_is_demanded_before_it_is_known_is_warned_of() -> None:
     (warned,) = told(formula="{rate >= 10}", more=", time: seconds")
     assert warned.startswith("12:23 warning: formula of 'p': `{rate >= 10}` is false in the first 2s of a session")

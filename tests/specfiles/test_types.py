@@ -87,6 +87,15 @@ def test_a_signal_that_only_an_unknown_message_could_have_is_warned_of(streams: 
     assert warnings(text) == [f"{line}:19: warning: formula of 'p': {told}"]
 
 
+def test_a_signal_that_another_stream_declares_is_not_said_to_be_of_none() -> None:
+    streams = "  - topic: /a\n  - {topic: /b, signals: {d: msg.x}}"
+    told = (
+        "'d' is a signal of /b, and not declared here: it would be read from a field of /a, whose `type` is not given"
+    )
+    assert warnings(spec(streams, "not {topic: /a, d}")) == [f"7:19: warning: formula of 'p': {told}"]
+    assert warnings(spec(streams, "not {topic: /b, d}")) == []
+
+
 def test_a_signal_of_one_half_is_no_error_where_the_other_has_it() -> None:
     half = "  - service: /a\n    type: std_srvs/srv/SetBool\n    request: {signals: {e: msg.data}}"
     assert warnings(spec(half, "not {success}")) == []

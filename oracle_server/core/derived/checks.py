@@ -184,7 +184,7 @@ def _asked(spec: Spec, ranges: Mapping[str, Range]) -> Iterator[SpecProblem]:
         for atom in prop.atoms:
             for constraint in atom.constraints:
                 definition = derived.get(constraint.key)
-                reason = definition and _misfit(definition, constraint, ranges)
+                reason = definition and _misfit(definition, constraint, ranges, numeric=prop.numeric)
                 if reason:
                     message = f"formula of '{prop.id}': {reason}"
                     yield SpecProblem(("properties", i, "formula"), message, atom.at)
@@ -220,8 +220,15 @@ def _demanded(formula: tree.Formula) -> Iterator[Atom]:
             yield from _demanded(right)
 
 
-def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str, Range]) -> str | None:
+def _misfit(
+    definition: Definition, constraint: Constraint, ranges: Mapping[str, Range], *, numeric: bool
+) -> str | None:
     name, text = definition.name, render_atom(Atom((constraint,)))
+    if definition.op == "age" and numeric:
+        return (
+            f"'{name}' is an age, which changes at every instant, and a formula over numbers is judged at steps alone; "
+            f"leave `engine` out, and compare it with a number, as `{{{name} < 0.5}}`"
+        )
     if definition.op == "age" and isinstance(constraint.value, Ref):
         return f"`{text}` binds another value at every instant; compare '{name}' with a number, as `{{{name} > 0.5}}`"
     if definition.table is not None:
