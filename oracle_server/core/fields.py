@@ -206,12 +206,20 @@ def _doubts(
         if doubtful and key in warned:
             continue
         if doubtful:
-            yield "warning", key, _read_of_unknown(key, doubtful, streams, spec.streams)
+            meant = _stream_meant(key, atom, spec)
+            yield "warning", key, f"{_read_of_unknown(key, doubtful, streams, spec.streams)}{meant}"
         else:
             yield "error", key, _unknown_signal(key, streams, types, held)
             return
     if not possible:
         yield "error", "", f"no event of this spec has all the signals of {render_atom(atom)}"
+
+
+def _stream_meant(key: str, atom: Atom, spec: Spec) -> str:
+    """What to write for a signal that an atom compares with the name of a stream, as `action: /dock`; mostly empty."""
+    asked = {c.value for c in atom.constraints if c.key == key}
+    named = next((s for s in spec.streams if s.name in asked), None)
+    return f'; for the stream write `{named.traits.group}: "{named.name}"`' if named else ""
 
 
 def _has(stream: StreamSpec, key: str, types: StreamTypes, held: frozenset[str]) -> bool | None:

@@ -96,6 +96,14 @@ def test_a_signal_that_another_stream_declares_is_not_said_to_be_of_none() -> No
     assert warnings(spec(streams, "not {topic: /b, d}")) == []
 
 
+def test_the_key_of_a_stream_is_told_where_an_unknown_message_could_have_what_stands_for_it() -> None:
+    streams = "  - topic: /a\n  - {topic: /b, signals: {e: msg.x}}\n  - {service: /s, request: {signals: {}}}"
+    for name, told in (("/b", 'topic: "/b"'), ("/s", 'service: "/s"')):
+        (warning,) = warnings(spec(streams, f"not {{action: {name}}}"))
+        assert warning.endswith(f"it would be read from a field of /a or /s responses, whose `type` is not given; "
+                                f"for the stream write `{told}`")  # fmt: skip
+
+
 def test_a_signal_of_one_half_is_no_error_where_the_other_has_it() -> None:
     half = "  - service: /a\n    type: std_srvs/srv/SetBool\n    request: {signals: {e: msg.data}}"
     assert warnings(spec(half, "not {success}")) == []
