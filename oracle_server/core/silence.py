@@ -34,6 +34,7 @@ from oracle_server.core.formula.tree import (
     Scalar,
     Signal,
     Until,
+    atoms,
     children,
     walk,
 )
@@ -63,8 +64,11 @@ def unseen_silence(spec: Spec) -> Iterator[SpecProblem]:
             why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads) or _why_computed(spec, prop)
         else:
             why = _why_awaited(spec, prop, reads, owed)
-        if why:
-            message = f"formula of '{prop.id}': no deadline violates it, so that silence is not told: {why}"
+        told = (
+            f"no deadline violates it, so that silence is not told: {why}" if why else _comes_again(spec, prop, reads)
+        )
+        if told:
+            message = f"formula of '{prop.id}': {told}"
             yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="vacuous")
 
 
@@ -149,6 +153,29 @@ def _of_the_past(prop: Property, owed: Obligation) -> str:
     if prop.time == "steps" and goal.bound != Bound():
         return ""
     return render(Implies(Once(trigger, goal.bound), goal.operand), "seconds")
+
+
+def _comes_again(spec: Spec, prop: Property, reads: Sequence[Definition]) -> str:
+    """What is said where something is to come often enough, and comes with each message of any stream; mostly empty.
+
+    Not of an age that the spec derives: that of what is held tells how long it has been otherwise.
+    """
+    often = [each for each in reads if each.op in ("rate", "count") or each in prop.measures]
+    broken, kept = _broken(spec, prop.formula, often), lasting(spec)
+    for each in often if len(spec.streams) > 1 else ():
+        if each.name in broken and each.formula and present(each.formula, without_signals(kept)) is None:
+            held = {c.key for atom in atoms(each.formula) for c in atom.constraints} & kept
+            owner = next((s for s in spec.streams if s.hold & held), spec.streams[0])
+            event = render(each.formula)
+            mend = f'{{{owner.traits.group}: "{owner.name}"}} and {event}'
+            if each in prop.measures:
+                mend = f"{owner.name} {event if isinstance(each.formula, Atom) else '{…}'}"
+            return (
+                f"silence is not told while other streams speak: `{event}` comes again at each of their messages, "
+                f"since {quoted(sorted(held))} {'keeps its value' if len(held) == 1 else 'keep their values'}; write "
+                f"it with its stream, as in `{mend}`"
+            )
+    return ""
 
 
 def _is_meant(prop: Property) -> bool:

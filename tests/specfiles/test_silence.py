@@ -36,6 +36,9 @@ properties:
 """
 
 
+AUTO = {"often": "rate", "many": "count"}
+
+
 def told(prop: str) -> list[str]:
     found = parse_spec(SPEC.format(prop=prop), "s.yaml").warnings
     return [each.message for each in found if "silence is not told" in each.message]
@@ -61,6 +64,28 @@ def test_one_that_counts_steps_is_judged_at_messages_alone(prop: str, what: str)
     assert found.endswith(f"`{what}` {change} while no message comes, and steps are messages; write `time: seconds`")
     assert told(f"{prop}, time: seconds") == []
     assert told(f"{prop}, time: steps") == []
+
+
+@pytest.mark.parametrize(
+    ("prop", "event", "mend"),
+    [
+        ("pattern: '{mode: AUTO} every 1s'", '{mode: "AUTO"}', '/mode {mode: "AUTO"}'),
+        ("pattern: '{limit > 3} at least 2 Hz over 2s'", "{limit > 3}", "/limit {limit > 3}"),
+        (
+            "pattern: 'while {mode: AUTO}: (not {limit > 3} and {mode: *}) every 1s'",
+            "not {limit > 3} and {mode: *}",
+            "/mode {…}",
+        ),
+        ("formula: 'not {often_auto < 1}', time: seconds", '{mode: "AUTO"}', '{topic: "/mode"} and {mode: "AUTO"}'),
+        ("formula: '{many_auto >= 2}', time: seconds", '{mode: "AUTO"}', '{topic: "/mode"} and {mode: "AUTO"}'),
+    ],
+)
+def test_what_is_held_comes_with_each_message_and_tells_no_silence(prop: str, event: str, mend: str) -> None:
+    auto = "".join(f"  {name}_auto: {{{{{op}: '{{{{mode: AUTO}}}}', over: 2s}}}}\n" for name, op in AUTO.items())
+    text = SPEC.replace("derive:\n", f"derive:\n{auto}").format(prop=prop)
+    (found,) = (w.message for w in parse_spec(text, "s.yaml").warnings if "silence is not told" in w.message)
+    assert f"silence is not told while other streams speak: `{event}` comes again at each of their messages" in found
+    assert found.endswith(f"write it with its stream, as in `{mend}`")
 
 
 @pytest.mark.parametrize("time", ["", ", time: seconds"])
@@ -167,6 +192,9 @@ def test_a_requirement_that_is_about_messages_is_told_to_be_written_otherwise(pr
         "pattern: 'always {few: *} and {part < 3}'",
         "formula: 'not {share < 1}'",  # silence alone does not tell what it comes to
         "pattern: '/scan every 2s'",
+        "pattern: '/mode {mode: AUTO} every 2s'",
+        "pattern: '{mode: AUTO} at most 2 Hz over 2s'",
+        "pattern: 'at most 3 {mode: AUTO} within 2s'",
         "pattern: '/scan at least 3 Hz over 2s'",
     ],
 )
