@@ -36,6 +36,13 @@ properties:
   - {id: many, formula: 'forall[x]. {w: *x} -> once[:1s]{v: *x}', time: seconds}
 """
 
+FIRST_WITHOUT_ORDER = """
+id: first
+streams: [{topic: /a}, {topic: /u, ordered: false}]
+ordering: {late: revise, horizon: 10s, max_delay: 50ms}
+properties: [{id: p, formula: 'once[1s:] {topic: /a}', time: seconds}]
+"""
+
 
 def session_of(text: str, begun: int | None = None) -> Session:
     ready = plan(parse_spec(text, "spec").spec)
@@ -122,3 +129,18 @@ def test_a_step_without_order_stands_behind_many_deadlines_whoever_is_awaited(aw
     ticks = [row.step.stamp - T0 for row in book.first.values() if not row.step.event.monitor]
     assert ticks == [2 * S + 20 * MS], "once what was 2 s ago is asked of, and nobody has said so yet"
     assert said[U] == "currently_true"
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_first_step_without_order_stays_at_its_time_where_a_late_one_before_it_is_kept_no_more(saved: bool) -> None:
+    session, book = session_of(FIRST_WITHOUT_ORDER, T0), Book(1)
+    book.take(session.attach("m", [A], T0))
+    book.take(session.ingest(Event(U, "n", 1, T0 + 3 * S, T0 + 3 * S, {})))
+    book.take(session.ingest(Event(A, "m", 1, T0 + S, T0 + 4 * S, {})))
+    book.take(session.ingest(Event(A, "m", 2, T0 + 12 * S, T0 + 12 * S, {})))
+    book.take(session.finish(T0 + 12 * S))
+    assert [book.stands(at).outcomes[0] for at in book.first] == ["currently_true", "currently_false", "currently_true"]
+    again = restored(FIRST_WITHOUT_ORDER, session, book, saved=saved)
+    book.take(again.attach("m", [A], T0 + 13 * S))
+    book.take(again.finish(T0 + 13 * S))
+    assert [row.step.event.monitor for row in book.first.values()] == ["n", "m", "m"], "no deadline was before it"

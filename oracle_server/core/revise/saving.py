@@ -219,8 +219,9 @@ class SavableJudge(RevisingJudge):
         self._judge_deadlines(self._deadline, recorded.judged)
         self._deadline = self._level_behind(step, again=True)
         self._judge_deadlines(self._deadline, recorded.judged)
-        present = self.present or min(step.time, step.event.arrived)  # as where it was judged first
-        row.key = max(self.keeping.key, key_of(present), self._key_behind(self._deadline))
+        if recorded.number == 1:  # it moved the present, which late ones that stand before it have moved less far
+            row.present = min(step.time, step.event.arrived)
+        row.key = max(self.keeping.key, key_of(row.present), self._key_behind(self._deadline))
         row.level = self._deadline
         self._judge_again(row)
         self._stands.clear()
