@@ -215,6 +215,8 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
         owed = fed.engine.owed
         assert owed is not None
         assert owed.pending == sum(value == "open" for value in table.values()), told()
+        if not owed.pending:
+            assert owed.snapshot()["steps"] == 0, f"nothing counts as open, of which there may be so much: {told()}"
         done |= wanted
         if item.signals is None and not wanted:
             unseen.append(n)
@@ -268,6 +270,17 @@ def test_between_two_deadlines_time_alone_decides_nothing() -> None:
         fed.engine.pass_time(after + 1000 * SECOND)
         assert not owed.decided
         assert owed.pending == before
+
+
+def test_what_is_decided_counts_as_open_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step that is decided by what is told of the next one takes back what it asks of that."""
+    monkeypatch.setattr(waiting, "MAX_OPEN", 6)
+    fed = Fed(parse_formula("forall[x]. {a: *x} -> always[:1] next next {b: *x}", "steps"), "steps")
+    for n in range(30):
+        fed.feed(Item(n, {"a": n} if n % 3 == 0 else {}, frozenset()))
+    owed = fed.engine.owed
+    assert owed is not None
+    assert owed.pending == 0
 
 
 def test_the_reference_parses_what_it_is_about() -> None:

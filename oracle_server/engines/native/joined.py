@@ -219,10 +219,13 @@ class Next:
     def step(self, key: Key, ask: bool) -> int:
         """Take the present step; see `Awaited`."""
         present, moment = self._present, self._present.moment
-        before = self._asked.get(key)
-        value = self._operand.step(key, before is not None)
+        asks = key in self._asked
+        value = self._operand.step(key, asks)
         before = self._asked.get(key)  # what it told may have cancelled this
-        if before is not None:
+        if before is None:
+            if asks and value == OPEN:
+                self._operand.cancel(key, moment)
+        else:
             present.pop(self._asked, key)
             if value == OPEN:
                 if key not in self._pending:
