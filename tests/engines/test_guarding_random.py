@@ -25,6 +25,7 @@ from oracle_server.engines.native.guarding import GuardingEngine
 from tests import generate
 from tests.brute import Values
 from tests.engines.test_against_brute import SEED
+from tests.engines.test_native_back import saved
 from tests.engines.test_obligations_random import compared, trace
 from tests.obligations import Item, Past
 from tests.strategies import START
@@ -147,11 +148,13 @@ def test_each_step_that_breaks_what_is_asked_by_always_is_told(time: Time) -> No
             keys = [{**values, name: v} for values in keys for v in distinct]
         for item in given:
             if rng.random() < 0.3:
+                before = saved(fed.engine)
                 fed.engine.mark()
                 begun = max((i.time for i in items if i.signals is not None), default=given[0].time)
                 for other in trace(rng, time, rng.randint(1, 3)):
                     fed.feed(other._replace(time=other.time - START + begun))
                 fed.engine.back()
+                assert saved(fed.engine) == before, f"case {number}: what is taken back leaves nothing behind"
                 stats["taken back"] += 1
             if rng.random() < 0.2:
                 fed.restart()

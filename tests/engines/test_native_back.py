@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
@@ -21,6 +23,17 @@ from tests.strategies import SECOND
 CASES = int(os.environ.get("CASES", "500"))
 
 
+def saved(engine: NativeEngine) -> str:
+    """All of an engine's state, in an order that does not depend on how it came about."""
+    return json.dumps(_sorted(json.loads(json.dumps(engine.snapshot()))))
+
+
+def _sorted(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _sorted(value) for key, value in data.items()}
+    return sorted(map(_sorted, data), key=json.dumps) if isinstance(data, list) else data
+
+
 def judge(engine: NativeEngine, formula: Formula, steps: Sequence[TimedSignals]) -> list[Outcome]:
     return [engine.step(time, found) for time, found in matches(formula, steps)]
 
@@ -34,12 +47,14 @@ def test_steps_that_are_taken_back_leave_nothing_behind(time: Time) -> None:
         steps = generate.trace(rng, rng.randint(3, 10))
         for now in range(len(steps)):
             for _ in range(rng.randint(0, 2)):
+                before = saved(engine)
                 engine.mark()
                 others = [(t + steps[now][0], s) for t, s in generate.trace(rng, rng.randint(1, 6))]
                 tried = [holds(o) for o in judge(engine, formula, others)]
                 told = f"case {number}, {time}: {render(formula, time)}\n{steps[:now]} {others}"
                 assert tried == truths(formula, [*steps[:now], *others], time)[now:], told
                 engine.back()
+                assert saved(engine) == before, told
             (outcome,) = judge(engine, formula, steps[now : now + 1])
             assert holds(outcome) == truths(formula, steps[: now + 1], time)[-1], f"case {number}, {time}"
 

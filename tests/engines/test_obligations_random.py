@@ -30,6 +30,7 @@ from oracle_server.engines.native.keys import texts_of
 from tests import generate
 from tests.brute import Fresh, Values
 from tests.engines.test_against_brute import SEED
+from tests.engines.test_native_back import saved
 from tests.obligations import Item, Past, decisions
 from tests.strategies import SECOND
 
@@ -197,11 +198,13 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
 
     for n, item in enumerate(items):
         while rng.random() < 0.3:
+            known = saved(fed.engine)
             fed.engine.mark()
             before = [i.time for i in items[:n] if i.signals is not None]
             for other in trace(rng, time, rng.randint(1, 4)):
                 fed.feed(other._replace(time=other.time - items[0].time + max(before, default=0)))
             fed.engine.back()
+            assert saved(fed.engine) == known, f"what is taken back leaves nothing behind: {told()}"
             stats["taken back"] += 1
         if rng.random() < 0.2:
             fed.restart()

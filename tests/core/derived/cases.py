@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
+from oracle_server.core.deciding import is_denied
 from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import OPS, Definition, Op, Traits
 from oracle_server.core.events import Event, StreamKey
@@ -220,9 +221,23 @@ def judged(found: Case) -> list[Judged]:
     """What a session makes of a case, each event at its time."""
     session = opened(plan(found.spec), found.begun)
     rows: list[Judged] = []
+    (judge,) = session.judges.values()
     for index in range(len(found.events)):
-        rows += session.ingest(event_of(found, index))
-    return rows + session.advance(found.end)
+        before = judge._derived.snapshot()
+        said = session.ingest(event_of(found, index))
+        rows += said
+        if said and is_denied(said[-1].decision):
+            assert judge._derived.snapshot() == before, "what is taken back leaves nothing behind"
+    rows += session.advance(found.end)
+    again = opened(session.plan, found.begun)
+    again.restore(json.loads(json.dumps(session.snapshot())), 1)
+    assert samples_held(session) == samples_held(again), "what counts as held is what is there"
+    return rows
+
+
+def samples_held(session: Session) -> int:
+    """How many samples count as held, of which there may be so many."""
+    return sum(judge._derived._session.budget.used for judge in session.judges.values())
 
 
 def restarted(found: Case, rng: random.Random) -> tuple[list[Judged], int]:
