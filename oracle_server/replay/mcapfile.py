@@ -6,6 +6,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -141,7 +142,8 @@ class McapFile(InBlocks):
                 number, schema = _short(data, 0), _short(data, 2)
                 topic, at = _string(data, 4)
                 serialization, at = _string(data, at)
-                lasts = is_lasting(data[at:].decode(errors="replace"))
+                about = _map(data, at)
+                lasts = is_lasting(about.get("offered_qos_profiles", ""), about.get("latching", ""))
                 channel = Channel(number, topic, "", serialization=serialization, lasts=lasts)
                 if self._channels.setdefault(number, channel) is channel:
                     self._schema_of[number] = schema
@@ -209,6 +211,18 @@ class McapFile(InBlocks):
 
 def _short(data: bytes, at: int) -> int:
     return int(struct.unpack_from("<H", data, at)[0])
+
+
+def _map(data: bytes, at: int) -> dict[str, str]:
+    """The texts by name at a place, as far as they can be read."""
+    found: dict[str, str] = {}
+    with suppress(struct.error, UnicodeDecodeError):
+        (length,) = struct.unpack_from("<I", data, at)
+        end, at = at + 4 + length, at + 4
+        while at < end:
+            name, at = _string(data, at)
+            found[name], at = _string(data, at)
+    return found
 
 
 def _string(data: bytes, at: int) -> tuple[str, int]:

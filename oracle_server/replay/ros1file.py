@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.blocks import Block, InBlocks, decompress
-from oracle_server.replay.storage import Channel, DamagedError, Message
+from oracle_server.replay.storage import Channel, DamagedError, Message, is_lasting
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
@@ -111,7 +111,7 @@ class Ros1File(InBlocks):
         number = _number(fields, b"conn", 4)
         kind = f"{package}/msg/{name}"
         channel = Channel(number, topic, kind, about.get(b"message_definition", ""), "ros1msg", "ros1")
-        channel = channel._replace(lasts=about.get(b"latching") == "1")
+        channel = channel._replace(lasts=is_lasting(latching=about.get(b"latching", "")))
         self._channels.setdefault(number, channel)
 
     def _in_block(self, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:

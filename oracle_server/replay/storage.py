@@ -28,6 +28,8 @@ class Channel(NamedTuple):
 
 
 _LASTING = re.compile(r"durability: *(1\b|transient_local)")
+_LATCHED = frozenset({"1", "true"})
+"""As ROS 1 writes it, and as MCAP's profile for ROS 1 has it."""
 LATEST = 2**63 - 1
 """The last time that there is (ns since the epoch)."""
 Message = tuple[int, int, bytes, int]
@@ -85,9 +87,12 @@ class Missing:
         """Nothing is open."""
 
 
-def is_lasting(qos: str) -> bool:
-    """Whether publishers keep messages for who comes later, by the QoS that they offer as ROS 2 writes it to bags."""
-    return _LASTING.search(qos) is not None
+def is_lasting(qos: str = "", latching: str = "") -> bool:
+    """Whether publishers keep messages for who comes later, by what bags say of that.
+
+    `qos` is what publishers of ROS 2 offer, and `latching` stands in the connection of one of ROS 1.
+    """
+    return _LASTING.search(qos) is not None or latching in _LATCHED
 
 
 class DamagedError(OracleError):

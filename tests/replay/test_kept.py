@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -28,21 +29,24 @@ properties:
   - {id: often, pattern: '/scan at least 5 Hz over 1s'}
 """
 HOUR = 3_600_000
-STORAGES = ["mcap", "sqlite3", "ros1"]
+STORAGES = ["mcap", "sqlite3", "ros1", "ros1 as mcap", "ros1 converted"]
+"""The last but one is as MCAP's profile of ROS 1 has it, the last one as `mcap convert` takes it over from a bag."""
+LATCHING = {"ros1 as mcap": "true", "ros1 converted": "1"}
 Told = tuple[str, int, int]
 """A message: its topic, when it was recorded, and its stamp, both in ms from the beginning."""
 
 
 def write(folder: Path, told: list[Told], storage: str, lasting: str = "/map") -> Path:
     path = folder / "bag"
-    store = get_typestore(Stores.ROS1_NOETIC if storage == "ros1" else Stores.ROS2_HUMBLE)
+    ros1 = storage.startswith("ros1")
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     make, time = store.types[HEADER], store.types["builtin_interfaces/msg/Time"]
-    seq = {"seq": 0} if storage == "ros1" else {}
+    seq = {"seq": 0} if ros1 else {}
 
     def raw(stamp: int) -> bytes:
         seconds, rest = divmod(BASE + stamp * MS, 10**9)
         message = make(**seq, stamp=time(sec=seconds, nanosec=rest), frame_id="map")
-        serialize = store.serialize_ros1 if storage == "ros1" else store.serialize_cdr
+        serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
         return bytes(serialize(message, HEADER))
 
     if storage == "ros1":
@@ -52,6 +56,9 @@ def write(folder: Path, told: list[Told], storage: str, lasting: str = "/map") -
             for topic, at, stamp in told:
                 writer.write(ids[topic], BASE + at * MS, raw(stamp))
         return path
+    if ros1:
+        write_mcap(path, [(topic, at, raw(stamp)) for topic, at, stamp in told], {lasting: LATCHING[storage]})
+        return path
     with Writer2(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as writer2:
         ids2 = {
             t: writer2.add_connection(t, HEADER, typestore=store, offered_qos_profiles=[qos(lasting=t == lasting)])
@@ -60,6 +67,20 @@ def write(folder: Path, told: list[Told], storage: str, lasting: str = "/map") -
         for topic, at, stamp in told:
             writer2.write(ids2[topic], BASE + at * MS, raw(stamp))
     return path
+
+
+def write_mcap(path: Path, told: list[tuple[str, int, bytes]], latching: dict[str, str]) -> None:
+    """What ROS 1 says in MCAP, with what it says of topics that are latched."""
+    with path.open("wb") as out:
+        writer = Writer(out)
+        writer.start(profile="ros1", library="test")
+        schema = writer.register_schema("std_msgs/Header", "ros1msg", b"uint32 seq\ntime stamp\nstring frame_id\n")
+        for topic in dict.fromkeys(topic for topic, *_ in told):
+            about = {"callerid": "/node", "latching": latching.get(topic, "0")}
+            channel = writer.register_channel(topic, "ros1", schema, about)
+            for _, at, raw in (one for one in told if one[0] == topic):
+                writer.add_message(channel, BASE + at * MS, raw, BASE + at * MS)
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def qos(*, lasting: bool) -> Qos:
