@@ -98,12 +98,7 @@ class Bag:
 
     def _prepare(self, files: Files, storages: Sequence[Storage]) -> list[dict[int, _AnySource]]:
         """The sources of each file by channel; what else is in the bag is ignored, and its types do not matter."""
-        there: Counter[str] = Counter(dict.fromkeys(files.promised or (), 0))
-        for storage in storages:
-            for channel in storage.channels:
-                there[channel.topic] += channel.promised or 0
-        for name, count in (files.promised or {}).items():
-            there[name] = max(there[name], count)
+        there = _there(files, storages)
         found = roles(there, self._plan.spec)
         add_actions(found, there, self._plan.spec)
         self.notes += found.notes
@@ -127,7 +122,8 @@ class Bag:
     def _sources_of(self, storages: Sequence[Storage]) -> list[dict[int, _AnySource]]:
         """The sources of each file by channel. Raises `TraceError` where no channel can be read."""
         sources = [
-            {c.id: source for c in storage.channels if (source := self._source(c)) is not None} for storage in storages
+            {c.id: source for c in _channels(storage) if (source := self._source(c)) is not None}
+            for storage in storages
         ]
         refused = next((topic.refused for topic in self._topics.values() if topic.refused), "")
         if refused and not any(sources):
@@ -225,6 +221,29 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
     folder = stack.enter_context(unpacking())
     unpack(path, folder)
     return folder
+
+
+def _there(files: Files, storages: Sequence[Storage]) -> Counter[str]:
+    """The topics of a bag, each with as many messages as the files have, or as its metadata promises."""
+    there, promised = Counter[str](), Counter[str]()
+    for storage in storages:
+        for channel in _channels(storage):
+            there[channel.topic] += channel.promised or 0
+    for name, count in (files.promised or {}).items():
+        promised[_rooted(name)] += count
+    for name, count in promised.items():
+        there[name] = max(there[name], count)
+    return there
+
+
+def _channels(storage: Storage) -> Iterator[Channel]:
+    """The channels of a file, with the names of topics that ROS gives them."""
+    return (channel._replace(topic=_rooted(channel.topic)) for channel in storage.channels)
+
+
+def _rooted(topic: str) -> str:
+    """A topic's name with its slash, which some programs leave out: a bag may have the same topic by both names."""
+    return f"/{topic.strip('/')}"
 
 
 def _oldest(storages: Sequence[Storage]) -> int:

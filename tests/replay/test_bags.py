@@ -20,7 +20,7 @@ from rosbags.typesys.store import Typestore
 
 from oracle_server.replay.definitions import types_of
 from oracle_server.replay.storage import Channel
-from tests.replay.judging import judge, write_spec
+from tests.replay.judging import judge, write_numbers, write_spec
 from tests.replay.writing import BASE, PUMP, SPEC, VALVE, write_ros1, write_ros2
 from tests.whole.harness import COMMAND, environment, failed, run
 
@@ -142,3 +142,23 @@ id: numbers
 streams: [{topic: /x, signals: {x: msg.data}}, {topic: /y, signals: {y: msg.data}}]
 properties: [{id: low, formula: '{x: *} -> {x < 2}'}]
 """
+
+
+@pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
+def test_a_topic_is_the_same_without_its_slash(form: str, tmp_path: Path) -> None:
+    """A bag that was put together of several may have it by both names: each message is judged."""
+    told = {"/x": [(0, 1.0), (2, 5.0)], "x": [(1, 1.0), (3, 1.0)], "y/": [(4, 1.0)]}
+    if form == "ros1":
+        path = tmp_path / "both.bag"
+        store = get_typestore(Stores.ROS1_NOETIC)
+        with Writer1(path) as writer:
+            for topic, values in told.items():
+                connection = writer.add_connection(topic, "std_msgs/msg/Float64", typestore=store)
+                for at, value in values:
+                    number = store.types["std_msgs/msg/Float64"](data=value)
+                    writer.write(connection, BASE + at, store.serialize_ros1(number, "std_msgs/msg/Float64"))
+    else:
+        path = write_numbers(tmp_path / "both", told, StoragePlugin[form.upper()])
+    found = judge(write_spec(tmp_path, BOTH), path)
+    assert (found.summary["events"], found.summary["violations"], found.said) == (5, 1, "")
+    assert found.summary["ignored"] == 0
