@@ -29,7 +29,7 @@ and, where they are raised:
 - `sessions`: `SessionExistsError`, `SessionNameError`, `SessionStaysOpenError`; `OtherServerError`, of a session that
   another server has
 - `replay`: `DamagedError`, of a part of a recording; `UnreadDefinitionError`, of a type that it defines;
-  `NoRoomError`, of one that unpacks to more than the disk has; `ResultsError`, of a table of results that can't be
+  `NoRoomError`, of one that unpacks to more than the disk takes; `ResultsError`, of a table of results that can't be
   read or written; `RayError`, where Ray is not there
 - `foxglove`: `FoxgloveError`, where nothing can be offered to Foxglove
 - `jobs`: `UncheckedError`, of a spec; `CrowdedError`, where too much is wanted at once;

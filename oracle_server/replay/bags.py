@@ -21,7 +21,7 @@ from oracle_server.replay.passing import Filter
 from oracle_server.replay.published import Published
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
-from oracle_server.replay.scratch import let_go, unpacking
+from oracle_server.replay.scratch import NoRoomError, let_go, unpacking
 from oracle_server.replay.sources import Item, Source, Topic
 from oracle_server.replay.storage import LATEST, Channel, Missing, Storage
 from oracle_server.replay.together import together
@@ -77,6 +77,8 @@ class Bag:
         except TraceError as error:
             text = one_line(str(error).replace(f"{place}", str(self.path)))
             raise TraceError(text if text.startswith(str(self.path)) else f"{self.path}: {text}") from None
+        except NoRoomError as error:
+            raise NoRoomError(one_line(str(error).replace(f"{place}", str(self.path)))) from None
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror or error}") from None
 
@@ -218,7 +220,7 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
         packed = is_packed(file.read(HEAD))
     if not packed:
         return path
-    folder = stack.enter_context(unpacking())
+    folder = stack.enter_context(unpacking(path))
     unpack(path, folder)
     return folder
 

@@ -64,7 +64,7 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
     """One file of a bag, opened by what it begins with, until `stack` is closed. Raises `TraceError` and OSError."""
     magic = begins_as(path)
     if magic == ZSTD:
-        folder = stack.enter_context(unpacking())
+        folder = stack.enter_context(unpacking(path))
         plain = folder / path.name.removesuffix(".zstd")
         damage = _unpack(path, plain)
         if begins_as(plain) is None or is_trace(plain):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, suppress
@@ -10,7 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.scratch import let_go, unpacking
+from oracle_server.replay.scratch import let_go, unpacking, write
 from oracle_server.replay.storage import Channel, Message, is_lasting
 
 MAGIC = b"SQLite format 3\x00"
@@ -52,10 +51,11 @@ class SqliteFile:
 
     def _with_log(self, log: Path) -> sqlite3.Connection | None:
         """The database of copies, as sqlite writes beside what it opens with a log; None where that can't be read."""
-        folder = self._stack.enter_context(unpacking())
+        folder = self._stack.enter_context(unpacking(self.path))
         copies = folder / "bag.db3", folder / f"bag.db3{LOG}"
         for source, copy in zip((self.path, log), copies, strict=True):
-            shutil.copyfile(source, copy)
+            with source.open("rb") as file:
+                write(file, copy, self.path)
         database = self._connected(copies[0], "mode=ro")
         try:
             database.execute("SELECT count(*) FROM sqlite_master").fetchone()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import shutil
 import signal
@@ -55,10 +56,10 @@ def temporary(tmp_path: Path) -> Path:
     return folder
 
 
-def packed(folder: Path, form: str) -> Path:
+def packed(folder: Path, form: str, count: int = 20) -> Path:
     """A bag that must be unpacked: a file that is compressed, or a folder as one file."""
     storage = StoragePlugin.SQLITE3 if form == "db3" else StoragePlugin.MCAP
-    bag = write_numbers(folder / "bag", {"/x": [(at, float(at)) for at in range(20)]}, storage)
+    bag = write_numbers(folder / "bag", {"/x": [(at, float(at)) for at in range(count)]}, storage)
     if form == "tar":
         with tarfile.open(folder / "bag.tar", "w") as archive:
             archive.add(bag, "bag")
@@ -136,6 +137,32 @@ def test_a_small_file_does_not_fill_the_disk(temporary: Path, tmp_path: Path, mo
     vast.write_bytes(zstandard.compress(small.read_bytes()) + zstandard.compress(bytes(2**26)) * 10)
     with pytest.raises(scratch.NoRoomError, match=r"vast.*: unpacks to more than .*: 17 MiB, and 16 MiB .* left free"):
         judge(spec, vast)
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["mcap", "tar", "tar of what is compressed", "log"])
+def test_where_the_disk_is_full_nothing_is_wrong_with_the_recording(form: str, temporary: Path, tmp_path: Path) -> None:
+    """A table of results would else have for good what another run would read."""
+    spec = write_spec(tmp_path, SPEC)
+    path = packed(tmp_path, "db3" if form == "log" else form.partition(" ")[0], 3000)
+    if form == "log":
+        path = tmp_path / "bag" / "bag.db3"
+        path.with_name("bag.db3-wal").write_bytes(bytes(100))
+    elif " " in form:
+        plain = tmp_path / "bag" / "bag.mcap"
+        plain.with_name("bag.mcap.zstd").write_bytes(zstandard.compress(plain.read_bytes()))
+        with tarfile.open(path, "w") as archive:
+            archive.add(plain.with_name("bag.mcap.zstd"), "bag.mcap.zstd")
+    limited = ["bash", "-c", 'ulimit -f 40; exec "$0" "$@"', sys.executable, "-m", "oracle_server"]  # in KiB
+    ended = subprocess.run(
+        [*limited, "replay", str(path), "--on", str(spec), "--format", "jsonl"],
+        cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False,
+        env=os.environ | {"TMPDIR": str(temporary)},
+    )  # fmt: skip
+    row = json.loads(ended.stdout)
+    assert (ended.returncode, row["error_kind"]) == (2, "run"), row
+    assert row["error"].startswith(f"{path}"), row
+    assert row["error"].endswith("can't be unpacked to the folder for temporary files (TMPDIR): File too large"), row
     assert list(temporary.iterdir()) == []
 
 
