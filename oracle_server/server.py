@@ -8,7 +8,6 @@ import faulthandler
 import importlib.util
 import os
 import re
-import resource
 import signal
 import socket
 import sys
@@ -50,6 +49,7 @@ from oracle_server.process.clock import Clock
 from oracle_server.process.garbage import collect_rarely, uncollected
 from oracle_server.process.logs import set_up_logs
 from oracle_server.process.notify import READY, STATUS, notify
+from oracle_server.process.openfiles import allow
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import POSTGRES, Settings
 from oracle_server.process.watchdog import Watchdog
@@ -314,12 +314,7 @@ def _certificates(settings: Settings) -> Certificates | None:
 
 def _connections(wanted: int) -> int:
     """How many connections there may be: fewer than wanted, with a warning, where too few files may be opened."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft == resource.RLIM_INFINITY or soft >= wanted + _OTHER_FILES:
-        return wanted
-    reach = wanted + _OTHER_FILES if hard == resource.RLIM_INFINITY else min(wanted + _OTHER_FILES, hard)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (reach, hard))
-    allowed = max(1, reach - _OTHER_FILES)
+    allowed = max(1, allow(wanted + _OTHER_FILES) - _OTHER_FILES)
     if allowed < wanted:
         log.warning("fewer connections are accepted than wanted: too few files may be opened", accepted=allowed)
     return allowed

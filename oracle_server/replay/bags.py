@@ -12,6 +12,7 @@ from oracle_server.core.errors import TraceError, one_line
 from oracle_server.core.events import Event
 from oracle_server.core.plan import plan
 from oracle_server.core.spec import Spec
+from oracle_server.process.openfiles import allow
 from oracle_server.replay.actionroles import add_actions
 from oracle_server.replay.actions import Action, ActionSource
 from oracle_server.replay.bagnotes import notes_of, of_channels
@@ -28,6 +29,8 @@ from oracle_server.replay.together import together
 from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
+_OTHER_FILES = 100
+"""Files that are open beside those of a bag."""
 
 
 _AnySource = Source | ActionSource
@@ -84,6 +87,7 @@ class Bag:
 
     def _open(self, files: Files, stack: ExitStack) -> list[Storage]:
         found, failed = list[tuple[Path, Storage]](), []
+        allow(len(files.paths) + _OTHER_FILES)
         for path in files.paths:
             if files.promised is not None and not path.is_file():
                 found.append((path, Missing(f"is missing, which {METADATA} names")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import resource
 from collections.abc import Callable
 from pathlib import Path
 
@@ -256,3 +257,18 @@ def test_a_bag_goes_on_until_the_last_message_of_any_file(tmp_path: Path) -> Non
     rows = judge(write_spec(tmp_path, text), bag).rows
     assert [row["kind"] for row in rows] == ["topic", "topic", "tick"]
     assert rows[-1]["violation"]
+
+
+@pytest.mark.parametrize("storage", BOTH)
+def test_a_bag_may_have_more_files_than_a_process_may_open_at_first(
+    storage: StoragePlugin, spec: Path, tmp_path: Path
+) -> None:
+    """A day's bag that is split each minute has 1,440, and systems let a process open 1,024."""
+    bag = split(tmp_path, storage, {f"{at}": [at] for at in range(80)})
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (64, before[1]))
+    try:
+        found = judge(spec, bag)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert (found.summary["events"], found.said) == (80, "")
