@@ -5,7 +5,7 @@ from __future__ import annotations
 import bz2
 import heapq
 from abc import ABC, abstractmethod
-from bisect import bisect_left
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -88,7 +88,7 @@ def in_order(blocks: Sequence[Block], read: Callable[[Block], list[Message]]) ->
         waiting = list(heapq.merge(waiting, found, key=_time)) if waiting else found
         until = len(waiting)
         if number + 1 < len(ordered):
-            until = bisect_left(waiting, ordered[number + 1].start, key=_time)
+            until = bisect_right(waiting, ordered[number + 1].start, key=_time)
         yield from waiting[:until]
         del waiting[:until]
 

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
-from oracle_server.replay.blocks import Block
+from oracle_server.replay.blocks import Block, in_order
 from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import UNJUDGED, UNUSABLE
 from oracle_server.replay.mcapfile import McapFile
@@ -280,3 +280,15 @@ def test_a_file_that_was_appended_to_another_is_said(tmp_path: Path) -> None:
     assert not isinstance(found, str)
     assert (found.status, len(found.doubts)) == (UNJUDGED, 1)
     assert found.doubts[0].startswith(f"both.mcap: has {len(other)} bytes behind its end that were not read")
+
+
+def test_of_chunks_that_begin_alike_one_at_a_time_is_kept() -> None:
+    """As of a writer that knows no times: else all that a file has would be in memory together."""
+    taken: list[int] = []
+
+    def read(block: Block) -> list[Message]:
+        taken.append(block.offset)
+        return [(block.offset, 5, b"", 0), (block.offset, 5 + block.offset % 2, b"", 0)]
+
+    found = [(channel, time, len(taken)) for channel, time, *_ in in_order([Block(5, at, 1) for at in range(4)], read)]
+    assert found == [(0, 5, 1), (0, 5, 1), (1, 5, 2), (2, 5, 3), (2, 5, 3), (3, 5, 4), (1, 6, 4), (3, 6, 4)]
