@@ -91,6 +91,67 @@ def test_a_comparison_with_a_number_is_an_atom(tmp_path: Path) -> None:
     assert '"the robot shall always satisfy !{x > 5} & {x: -1.5} => {x <= 5}."' in text
 
 
+def test_a_number_may_stand_before_what_it_is_compared_with(tmp_path: Path) -> None:
+    text = imported(tmp_path, "robot shall always satisfy -1.5 <= x & 5>x & 3 = s | !(0 < m) & r")
+    assert '"robot shall always satisfy {x >= -1.5} & {x < 5} & {s: 3} | !({m > 0}) & {r}"' in text
+
+
+CONSTANTS = [
+    {"variable_name": "idle", "idType": "Internal", "assignment": "2.0"},
+    {"variable_name": "low", "idType": "Internal", "assignment": " -5 "},
+    {"variable_name": "at", "idType": "Internal", "assignment": "pre state"},
+    {"variable_name": "one", "idType": "Internal", "assignment": "1", "component_name": "a"},
+    {"variable_name": "one", "idType": "Internal", "assignment": "2", "component_name": "b"},
+    {"variable_name": "given", "idType": "Input", "assignment": "1"},
+    {"variable_name": "state", "idType": "Output", "assignment": ""},
+]
+
+
+@pytest.mark.parametrize(
+    ("said", "taken"),
+    [
+        ("state = idle", "{state: 2.0}"),
+        ("idle = state & low <= state", "{state: 2.0} & {state >= -5}"),
+        ("state=idle | !(state > low)", "{state: 2.0} | !({state > -5})"),
+        ("state = at", ""),  # they differ, or are none
+        ("state = one", ""),
+        ("state = given", ""),
+        ("state = state", ""),
+        ("idle = low", ""),
+        ("idle", ""),
+        ("state + idle = low", ""),
+        ("state = idle + low", ""),
+        ("low < state + idle", ""),
+        ("state - 3 < state", ""),
+        ("state -3 < state", ""),
+        ("2 * 3 < state", ""),
+    ],
+)
+def test_a_name_that_stands_for_a_number_is_that(said: str, taken: str, tmp_path: Path) -> None:
+    """As states of a machine in FRET's own examples; elsewhere than in a comparison nothing is made of it."""
+    reqs, out = tmp_path / "reqs.json", tmp_path / "spec.yaml"
+    was = {"reqid": "R", "fulltext": f"robot shall always satisfy {said}"}
+    reqs.write_text(json.dumps({"requirements": [was], "variables": CONSTANTS}))
+    done = import_fret(reqs, None, out, Types(()))
+    text = out.read_text()
+    assert (f'requirement: "robot shall always satisfy {taken}"' in text) is bool(taken)
+    assert ("formula: '{todo}'" in text) is (not taken)
+    if taken:
+        assert done.todos == ("state",)
+        assert "# idle is 2.0" in text
+
+
+def test_a_name_whose_topic_is_told_is_no_constant(tmp_path: Path) -> None:
+    reqs, topics, out = (tmp_path / name for name in ("reqs.json", "vars.json", "spec.yaml"))
+    was = {"reqid": "R", "fulltext": "robot shall always satisfy idle > 1"}
+    reqs.write_text(json.dumps({"requirements": [was], "variables": CONSTANTS}))
+    inputs = [{"name": "idle", "connections": [{"scope": "ros/message", "topic": "/idle"}]}]
+    of_ros = [{"scope": "ros/message", "topic": "/idle", "type": "std_msgs::msg::Float64"}]
+    topics.write_text(json.dumps({"inputs": inputs, "topics": of_ros, "types": []}))
+    assert import_fret(reqs, topics, out, Types(())).todos == ()
+    assert "{idle > 1}" in out.read_text()
+
+
 def test_the_first_point_of_time_is_the_first_step(tmp_path: Path) -> None:
     text = imported(tmp_path, "the FTP shall always satisfy r", "the robot shall always satisfy (FTP | r)")
     assert "define:\n  FTP: first\n" in text

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from oracle_server.core.errors import OracleError, one_line
 
 MOST_BYTES = 20_000_000
 MOST_REQUIREMENTS = 1_000
+NUMBER = r"-?\d{1,15}(?:\.\d{1,15})?"
+"""A number as it is taken over."""
 FIRST = "FTP"
 """FRET's word for the first point of time, which it lists as a variable of the sentences that say it."""
 
@@ -40,10 +43,14 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """What FRET has exported: the requirements, and the names of all variables that it tells of."""
+    """What FRET has exported: the requirements, and the names of all variables that it tells of.
+
+    `constants` are those of them that are numbers, by their names, as they are written.
+    """
 
     requirements: tuple[Requirement, ...]
     variables: frozenset[str]
+    constants: Mapping[str, str]
 
 
 def read_export(path: Path) -> Export:
@@ -61,11 +68,12 @@ def read_export(path: Path) -> Export:
             raise FretError(f"{path}: requirements[{i}]: an object is expected, with `reqid` and `fulltext`")
         found.append(Requirement(*(_text(path, i, each, key) for key in ("reqid", "fulltext", "rationale"))))
         names.update(name for name in _semantic(each.get("semantics")) if name != FIRST)
-    variables = value.get("variables") if isinstance(value, dict) else None
-    for each in variables if isinstance(variables, list) else []:
-        if isinstance(each, dict) and isinstance(name := each.get("variable_name"), str):
-            names.add(name)
-    return Export(tuple(found), frozenset(names))
+    variables: dict[str, set[str]] = {}
+    for each in _objects(value.get("variables")) if isinstance(value, dict) else []:
+        if isinstance(name := each.get("variable_name"), str):
+            variables.setdefault(name, set()).add(_number(each))
+    constants = {name: values.pop() for name, values in variables.items() if len(values) == 1 and "" not in values}
+    return Export(tuple(found), frozenset(names).union(variables), constants)
 
 
 def read_sources(path: Path) -> dict[str, list[Source]]:
@@ -114,6 +122,12 @@ def _text(path: Path, i: int, each: dict[str, Any], key: str) -> str:
     if key == "rationale":
         return ""
     raise FretError(f"{path}: requirements[{i}]: `{key}` is missing, or no text")
+
+
+def _number(variable: dict[str, Any]) -> str:
+    """The number that a variable of the model stands for, as `ap_standby_state` for `3.0`; empty where it is none."""
+    assigned = variable.get("assignment") if variable.get("idType") == "Internal" else None
+    return assigned.strip() if isinstance(assigned, str) and re.fullmatch(NUMBER, assigned.strip(), re.ASCII) else ""
 
 
 def _semantic(semantics: object) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,16 @@ from oracle_server.core.errors import SpecError, one_line
 from oracle_server.core.formula.parse import MAX_TEXT
 from oracle_server.core.sentences.requirement import CONDITIONS, SCOPES, TIMINGS
 from oracle_server.rostypes.known import Types
-from oracle_server.specfiles.fret.read import FIRST, Export, FretError, Requirement, Source, read_export, read_sources
+from oracle_server.specfiles.fret.read import (
+    FIRST,
+    NUMBER,
+    Export,
+    FretError,
+    Requirement,
+    Source,
+    read_export,
+    read_sources,
+)
 from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.load import parse_spec
 
@@ -20,7 +29,9 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_/]*")
 _TYPE = re.compile(r"\w+(/msg)?/\w+", re.ASCII)
 _FIELD = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
-_READ = re.compile(r"\b([A-Za-z_]\w*)(?:\s*(<=|>=|<|>|=)\s*(-?\d{1,15}(?:\.\d{1,15})?)(?!\w|\.\d)|\b)", re.ASCII)
+_SIGN = "<=|>=|<|>|="
+_TURNED = {"<=": ">=", ">=": "<=", "<": ">", ">": "<", "=": "="}
+"""What stands between a number and a variable, as it stands between the variable and the number."""
 _FIRST = re.compile(rf"\b{FIRST}\b(?!\s+(?i:shall)\b)", re.ASCII)
 _BEFORE_SHALL = re.compile(r"\s+shall\b", re.IGNORECASE)
 _WORDS = frozenset(
@@ -48,13 +59,17 @@ MOST_VARIABLES = 300
 
 @dataclass(frozen=True, slots=True)
 class _Read:
-    """A requirement that was read: its id and sentence here, the variables in it, and why it is a stub, or empty."""
+    """A requirement that was read: its id and sentence here, the variables in it, and why it is a stub, or empty.
+
+    `constants` are the names in it that stand for numbers, with these.
+    """
 
     id: str
     was: Requirement
     text: str
     names: tuple[str, ...]
     refused: str = ""
+    constants: tuple[tuple[str, str], ...] = ()
 
 
 def import_fret(path: Path, variables: Path | None, out: Path | None, types: Types) -> Imported:
@@ -84,11 +99,12 @@ def _usable(sources: dict[str, list[Source]]) -> dict[str, Source]:
 
 
 def _all_read(export: Export, sources: dict[str, Source], types: Types) -> list[_Read]:
-    known = export.variables.union(sources)
+    constants = {name: number for name, number in export.constants.items() if name not in sources}
+    known = export.variables.union(sources).difference(constants)
     ids: set[str] = set()
     found = []
     for was in export.requirements:
-        read = _read(was, _id(was.id, ids), known)
+        read = _read(was, _id(was.id, ids), known, constants)
         if not read.refused:
             read = _checked(read, sources, types)
         found.append(read)
@@ -106,8 +122,11 @@ def _id(text: str, taken: set[str]) -> str:
     return name
 
 
-def _read(was: Requirement, name: str, known: frozenset[str]) -> _Read:
-    """A requirement whose variables, and comparisons with numbers, stand in braces, or why it can't be taken."""
+def _read(was: Requirement, name: str, known: frozenset[str], constants: Mapping[str, str]) -> _Read:
+    """A requirement whose variables, and comparisons with numbers, stand in braces, or why it can't be taken.
+
+    `constants` are names that stand for numbers.
+    """
     if len(was.text) > MAX_TEXT:
         return _Read(name, was, "", (), f"the sentence has {len(was.text):,} characters; at most {MAX_TEXT} are read")
     strange = next(
@@ -125,13 +144,26 @@ def _read(was: Requirement, name: str, known: frozenset[str]) -> _Read:
     if unclear:
         return _Read(name, was, "", (), f"the variable `{unclear}` is called as a word of sentences is: rename it")
 
-    def braced(match: re.Match[str]) -> str:
-        name, sign, number = match.groups()
-        if name not in known or (not sign and _BEFORE_SHALL.match(match.string, match.end())):
-            return match[0]
-        return f"{{{name}{f': {number}' if sign == '=' else f' {sign} {number}' if sign else ''}}}"
+    used = tuple((word, constants[word]) for word in words if word in constants)
+    return _Read(name, was, _braced(" ".join(was.text.split()), known, constants), names, constants=used)
 
-    return _Read(name, was, _READ.sub(braced, " ".join(was.text.split())), names)
+
+def _braced(text: str, known: frozenset[str], constants: Mapping[str, str]) -> str:
+    """A sentence with its variables, and their comparisons with numbers and constants, in braces."""
+    number = rf"(?<![\w.]){NUMBER}(?!\w|\.\d)" + "".join(rf"|\b{name}\b" for name in constants if _NAME.fullmatch(name))
+    turned = rf"(?P<before>{number})\s*(?P<turned>{_SIGN})\s*(?P<behind>{_NAME.pattern})\b"
+    plain = rf"\b(?P<name>{_NAME.pattern})\b(?:\s*(?P<sign>{_SIGN})\s*(?P<number>{number}))?"
+
+    def braced(match: re.Match[str]) -> str:
+        name, sign, value = match["name"], match["sign"], match["number"]
+        if name is None:
+            name, sign, value = match["behind"], _TURNED[match["turned"]], match["before"]
+        if name not in known or (not sign and _BEFORE_SHALL.match(text, match.end())):
+            return match[0]
+        value = constants.get(value, value)
+        return f"{{{name}{f': {value}' if sign == '=' else f' {sign} {value}' if sign else ''}}}"
+
+    return re.sub(f"{turned}|{plain}", braced, text, flags=re.ASCII)
 
 
 def _checked(read: _Read, sources: dict[str, Source], types: Types) -> _Read:
@@ -203,6 +235,8 @@ def _property(read: _Read) -> list[str]:
     if read.refused:
         lines += [f"    # TODO: {_comment(read.refused)}. It was:", f"    # {_comment(read.was.text)}"]
         return [*lines, "    formula: '{todo}'"]
+    if read.constants:
+        lines.append(f"    # {', '.join(f'{name} is {number}' for name, number in read.constants)}")
     return [*lines, f"    requirement: {json.dumps(read.text)}"]
 
 
