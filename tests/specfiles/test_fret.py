@@ -68,7 +68,8 @@ def test_each_scope_condition_and_timing_is_what_the_same_requirement_written_he
         "robot shall always satisfy m /r",
         "robot shall always satisfy {r}",
         "robot shall always satisfy r(x)",
-        "robot shall always satisfy if c then r",
+        "robot shall always satisfy if c r",
+        "robot shall always satisfy if c => m then r => s",
         "when x > 5 + 1 robot shall always satisfy r",
         "when m xor c robot shall always satisfy r",
         "robot shall always satisfy persisted(3, r)",
@@ -150,6 +151,11 @@ def test_a_name_whose_topic_is_told_is_no_constant(tmp_path: Path) -> None:
     topics.write_text(json.dumps({"inputs": inputs, "topics": of_ros, "types": []}))
     assert import_fret(reqs, topics, out, Types(())).todos == ()
     assert "{idle > 1}" in out.read_text()
+
+
+def test_if_and_then_in_a_response_are_taken(tmp_path: Path) -> None:
+    text = imported(tmp_path, "when m robot shall immediately satisfy if ! c then x > 5 | r")
+    assert '"when {m} robot shall immediately satisfy if ! {c} then {x > 5} | {r}"' in text
 
 
 def test_the_first_point_of_time_is_the_first_step(tmp_path: Path) -> None:

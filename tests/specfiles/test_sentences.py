@@ -70,6 +70,12 @@ def refusal_of(line: str) -> str:
          "{level < 20} and not pre {level < 20} -> {docked}"),
         ("requirement: if low & !auto then robot shall next satisfy docking", "steps",
          'pre ({level < 20} and not {mode: "AUTO"} and not pre ({level < 20} and not {mode: "AUTO"})) -> {docked}'),
+        ("requirement: robot shall always satisfy if low | auto then IF docking Then low => auto", "steps",
+         '{level < 20} or {mode: "AUTO"} -> {docked} -> {level < 20} -> {mode: "AUTO"}'),
+        ("requirement: robot shall always satisfy (if low => auto then docking) & !(if low then auto)", "steps",
+         '(({level < 20} -> {mode: "AUTO"}) -> {docked}) and not ({level < 20} -> {mode: "AUTO"})'),
+        ("requirement: if (if low then auto), then the robot shall immediately satisfy docking", "steps",
+         '({level < 20} -> {mode: "AUTO"}) and not pre ({level < 20} -> {mode: "AUTO"}) -> {docked}'),
     ],
 )  # fmt: skip
 def test_a_sentence_stands_for_a_formula(line: str, time: str, formula: str) -> None:
@@ -123,6 +129,10 @@ def test_a_sentence_stands_for_a_formula(line: str, time: str, formula: str) -> 
         ("requirement: the robot shall after 5 seconds satisfy low", "34: requirement of 'p': `after` is taken with"),
         ("requirement: the robot shall satisfy dokcing", "42: requirement of 'p': there is no name `dokcing`"),
         ("requirement: the robot shall satisfy low within 5 steps", "46: requirement of 'p': `within` is not expected"),
+        ("requirement: the robot shall satisfy if low docking", "49: requirement of 'p': behind `if` and what it asks "
+         "stands `then`, and not `docking`"),
+        ("requirement: the robot shall satisfy low => if auto then docking", "49: requirement of 'p': "
+         "`if … then …` stands in parentheses here"),
         ("requirement: ''", "19: requirement of 'p': the requirement is empty"),
     ],
 )  # fmt: skip
@@ -269,8 +279,10 @@ def test_a_signal_that_a_pattern_makes_is_no_other() -> None:
         "requirement: the robot shall satisfy " + "! " * 8_000 + "low",
         "requirement: the robot shall satisfy " + "low => " * 2_000 + "low",
         "requirement: the robot shall satisfy " + "low & " * 2_000 + "low",
+        "requirement: the robot shall satisfy " + "if low then " * 1_000 + "low",
+        "requirement: the robot shall satisfy " + "if " * 4_000 + "low",
     ],
-    ids=range(12),
+    ids=range(14),
 )
 def test_what_is_too_large_is_refused_in_a_line(line: str) -> None:
     assert len(refusal_of(line)) < 1_000

@@ -205,7 +205,19 @@ def _response(reader: Reader) -> Formula:
 
 
 def _either(reader: Reader) -> Formula:
-    """Names and atoms joined as in FRETish, in its words or ours: `!` before `&` before `|` before `=>`."""
+    """Names and atoms joined as in FRETish, in its words or ours: `!` before `&` before `|` before `=>` before `if`."""
+    conditions = []
+    while "if" not in reader.names.known and reader.word("if"):
+        conditions.append(_implied(reader))
+        if not reader.word("then"):
+            reader.refuse(f"behind `if` and what it asks stands `then`, and not {reader.shown()}", None, ("then",))
+    found = _implied(reader)
+    while conditions:
+        found = Implies(conditions.pop(), found)
+    return found
+
+
+def _implied(reader: Reader) -> Formula:
     parts = [_disjunction(reader)]
     while reader.word("=>", "->", "implies"):
         parts.append(_disjunction(reader))
@@ -267,6 +279,8 @@ def _strange(reader: Reader, follows: str) -> None:
             f"`{word}` is not taken; give it a name under `define:`, as `docked_for: 'lasting[5] {{docked}}'` or "
             "`'once[:5] {docked}'`"
         )
+    if word.lower() == "if":
+        reader.refuse("`if … then …` stands in parentheses here, as `low => (if auto then docking)`")
     if word.lower() == "probability":
         reader.refuse("`probability` is not taken: a property holds at a step, or does not")
     if follows in ("<", ">", "=", "+", "-", "*", "%"):
