@@ -50,18 +50,22 @@ class Ros1File(InBlocks):
         """Go from record to record, without what is in chunks; where channels may be missing, look there."""
         if self._file.read(len(MAGIC)) != MAGIC:
             raise TraceError(f"{self.path}: is no ROS 1 bag")
-        position, closed = len(MAGIC), False
+        position, index, chunks, closed = len(MAGIC), 0, 0, False
         while position < size:
             try:
                 fields, body, length = self._record_at(position)
                 kind = _number(fields, b"op", 1)
                 if kind == _BAG:
-                    closed = _number(fields, b"index_pos", 8) > 0
+                    index = _number(fields, b"index_pos", 8)
+                    chunks, closed = int.from_bytes(fields.get(b"chunk_count", b""), "little"), index > 0
                 elif kind == _CHUNK:
                     self._chunk(fields, body, min(length, size - body))
                 elif body + length <= size:
                     self._note(kind, fields, length)
             except (DamagedError, struct.error, UnicodeDecodeError):
+                if position < index < size and len(self._blocks) == chunks:
+                    position = index  # behind the last chunk a bag may have bytes that are none of its records
+                    continue
                 break
             if body + length > size:
                 break

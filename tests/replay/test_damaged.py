@@ -24,7 +24,8 @@ from oracle_server.replay.storage import Message
 from oracle_server.specfiles.load import load_spec
 from tests.replay.fuzzing import DAMAGES, damage, judge, rewrite, whole_files
 from tests.replay.judging import BASE, write_numbers, write_spec
-from tests.replay.writing import SPEC
+from tests.replay.judging import judge as judged
+from tests.replay.writing import SPEC, write_ros1
 
 NUMBERS = """
 id: numbers
@@ -292,3 +293,19 @@ def test_of_chunks_that_begin_alike_one_at_a_time_is_kept() -> None:
 
     found = [(channel, time, len(taken)) for channel, time, *_ in in_order([Block(5, at, 1) for at in range(4)], read)]
     assert found == [(0, 5, 1), (0, 5, 1), (1, 5, 2), (2, 5, 3), (2, 5, 3), (3, 5, 4), (1, 6, 4), (3, 6, 4)]
+
+
+@pytest.mark.parametrize("lacking", [0, 1])
+def test_bytes_between_the_chunks_of_a_bag_and_its_index_are_no_damage(lacking: int, tmp_path: Path) -> None:
+    """Some that are published have them, and each reader goes by the index; they are where a chunk is lacking."""
+    path, spec = write_ros1(tmp_path / "pump.bag", 30), write_spec(tmp_path, SPEC)
+    data = bytearray(path.read_bytes())
+    at, chunks = (data.index(name) + len(name) for name in (b"index_pos=", b"chunk_count="))
+    index = int.from_bytes(data[at : at + 8], "little")
+    data[index:index] = bytes(49)
+    data[at : at + 8] = (index + 49).to_bytes(8, "little")
+    data[chunks] += lacking
+    path.write_bytes(data)
+    found = judged(spec, path)
+    assert found.summary["events"] == 31
+    assert ("ends early" in found.said) is bool(lacking)
