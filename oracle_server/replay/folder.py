@@ -56,6 +56,8 @@ def files_of(path: Path) -> Files:
         found = sorted((p for p in path.iterdir() if p.is_file() and begins_as(p) in MAGICS), key=_by_numbers)
         if not found:
             raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
+        # a recorder that compresses files and was killed may leave one beside what it was compressing it to
+        found = [file for file in found if _plain(file) == file or _plain(file) not in found]
         return Files(found, notes=[f"has no {METADATA}: its recording was not closed"])
     return _listed(path, _information(metadata))
 
@@ -113,7 +115,7 @@ def _listed(folder: Path, information: dict[str, Any]) -> Files:
     names = information.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise TraceError(f"{folder / METADATA}: names no files")
-    paths = [folder / PurePosixPath(name).name for name in names]
+    paths = [*dict.fromkeys(folder / PurePosixPath(name).name for name in names)]  # none is read twice
     if not any(path.is_file() for path in paths):
         raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
     notes = [f"{path.name}: is not named in {METADATA}, and was not judged" for path in _beside(folder, paths)]
@@ -130,7 +132,7 @@ def _beside(folder: Path, named: Sequence[Path]) -> Iterator[Path]:
 
 
 def _plain(path: Path) -> Path:
-    return path.with_name(path.name.removesuffix(".zstd"))
+    return path.with_name(path.name.removesuffix(".zstd").removesuffix(".zst"))
 
 
 def _promised(information: dict[str, Any]) -> Iterator[tuple[str, int]]:

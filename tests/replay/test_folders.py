@@ -272,3 +272,26 @@ def test_a_bag_may_have_more_files_than_a_process_may_open_at_first(
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
     assert (found.summary["events"], found.said) == (80, "")
+
+
+@pytest.mark.parametrize("name", ["{}", "./{}", "old/place/{}"])
+def test_a_file_that_the_metadata_names_twice_is_read_once(name: str, bag: Path, spec: Path) -> None:
+    (path,) = (path.name for path in bag.iterdir() if path.suffix != ".yaml")
+    change(bag, f"  - {path}", f"  - {path}\n  - {name.format(path)}")
+    found = judge(spec, bag)
+    assert (found.summary["events"], found.strict, found.said) == (20, 0, "")
+
+
+@pytest.mark.parametrize("suffix", ["zstd", "zst"])
+def test_a_copy_that_is_compressed_is_not_read_beside_the_file(suffix: str, bag: Path, spec: Path) -> None:
+    """As a recorder leaves it that is killed while it compresses: the folder has no metadata yet."""
+    (path,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+    whole, copy = zstandard.compress(path.read_bytes()), bag / f"{path.name}.{suffix}"
+    copy.write_bytes(whole[:-20])
+    (bag / "metadata.yaml").unlink()
+    found = judge(spec, bag)
+    assert found.summary["events"] == 20
+    assert found.said == "has no metadata.yaml: its recording was not closed"
+    path.unlink()
+    copy.write_bytes(whole)
+    assert judge(spec, bag).summary["events"] == 20
