@@ -26,6 +26,8 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
             from oracle_server.replay.bags import Bag
 
             return Bag(path, spec, types)
+        if path.exists() and not path.is_file():
+            raise TraceError(f"{path}: is no file, and a recording is read more than once: write it to one first")
         with path.open("rb") as file:
             head = file.read(_HEAD)
         return _by_content(path, head, spec, types)
@@ -54,12 +56,14 @@ def is_spec(path: Path) -> bool:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether something is certainly a recording, by what it begins with."""
+    """Whether something is certainly a recording, by what it begins with; of a pipe nothing is read, as it is gone."""
     from oracle_server.replay.folder import MAGICS, METADATA
 
     try:
         if path.is_dir():
             return (path / METADATA).exists()
+        if not path.is_file():
+            return False
         with path.open("rb") as file:
             head = file.readline(MAX_LINE)
     except OSError:

@@ -238,3 +238,24 @@ def test_replay_of_what_can_not_be_used(tmp_path: Path) -> None:
     assert "sideways" in failed("replay", SPEC, TRACES / "in_order.jsonl", "--by", "sideways")
     (tmp_path / "bad.yaml").write_text(SPEC.read_text() + "colour: red\n")
     assert "unknown key 'colour'" in failed("replay", tmp_path / "bad.yaml", TRACES / "in_order.jsonl")
+
+
+def test_a_recording_is_not_read_from_a_pipe() -> None:
+    """What it begins with would be gone once it is known what it is, and judged without a word."""
+    trace = TRACES / "fault_wrong_status.jsonl"
+    piped = subprocess.run(
+        [COMMAND, "replay", SPEC, "/dev/stdin"], input=trace.read_bytes(), capture_output=True, timeout=2 * PATIENCE,
+        env=environment(), check=False,
+    )  # fmt: skip
+    told = b"oracle-server: /dev/stdin: is no file, and a recording is read more than once: write it to one first\n"
+    assert (piped.returncode, piped.stdout, piped.stderr) == (2, b"", told)
+
+
+def test_a_spec_may_be_read_from_a_pipe() -> None:
+    trace = TRACES / "fault_wrong_status.jsonl"
+    for words in (("/dev/stdin", trace), (trace, "--on", "/dev/stdin")):
+        piped = subprocess.run(
+            [COMMAND, "replay", *words, "--format", "jsonl"], input=SPEC.read_bytes(), capture_output=True,
+            timeout=2 * PATIENCE, env=environment(), check=False,
+        )  # fmt: skip
+        assert (piped.returncode, piped.stderr) == (1, b""), piped
