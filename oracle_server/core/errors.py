@@ -5,6 +5,7 @@
     - `ExpressionError`: an expression of a spec that can't be read or is not allowed, with its line and column
     - `SpecError`: a spec that is refused, with every problem found
     - `TraceError`: a recording that can't be used
+        - `NotReadError`: one that the system does not let be read, whatever is in it
     - `EngineError`: an engine that can't judge any more
     - `HistoryError`: a history that can't be opened or read
         - `UnpreparedError`: a session that an older version has written, and whose timeline is not made yet
@@ -135,6 +136,10 @@ class SpecError(OracleError):
 
 class TraceError(OracleError):
     """A trace that can't be used."""
+
+
+class NotReadError(TraceError):
+    """A trace that the system does not let be read, whatever is in it: another time it may."""
 
 
 class EngineError(OracleError):

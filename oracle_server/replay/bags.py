@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from oracle_server.core.errors import TraceError, one_line
+from oracle_server.core.errors import NotReadError, TraceError, one_line
 from oracle_server.core.events import Event
 from oracle_server.core.plan import plan
 from oracle_server.core.spec import Spec
@@ -83,7 +83,7 @@ class Bag:
         except NoRoomError as error:
             raise NoRoomError(one_line(str(error).replace(f"{place}", str(self.path)))) from None
         except OSError as error:
-            raise TraceError(f"{self.path}: can't be read: {error.strerror or error}") from None
+            raise NotReadError(f"{self.path}: can't be read: {error.strerror or error}") from None
 
     def _open(self, files: Files, stack: ExitStack) -> list[Storage]:
         found, failed = list[tuple[Path, Storage]](), []

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from oracle_server.core.errors import TraceError
+from oracle_server.core.errors import NotReadError, TraceError
 from oracle_server.core.events import TICKS, Event, StreamKey
 from oracle_server.core.kinds import KINDS, STATUS, TICK, StepKind
 from oracle_server.core.spec import Spec
@@ -94,7 +94,7 @@ class Trace:
                 else:
                     self.passed_over.update(judged.position for judged in line.places)
         except OSError as error:
-            raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
+            raise NotReadError(f"{self.path}: can't be read: {error.strerror}") from None
         self.notes += self._ending()
 
     def _line(self, text: bytes, place: str) -> Found:
@@ -178,7 +178,7 @@ def read_lines(path: Path, spec: Spec) -> Trace:
     try:
         return Trace(path, spec, lines, path.stat().st_size)
     except OSError as error:
-        raise TraceError(f"{path}: can't be read: {error.strerror}") from None
+        raise NotReadError(f"{path}: can't be read: {error.strerror}") from None
 
 
 def _is_cut(text: bytes, read: int, size: int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from oracle_server.core.errors import TraceError
+from oracle_server.core.errors import NotReadError, TraceError
 from oracle_server.core.spec import Spec
 from oracle_server.replay.line import MAX_LINE, read_line
 from oracle_server.replay.packed import is_packed
@@ -32,7 +32,7 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
             head = file.read(_HEAD)
         return _by_content(path, head, spec, types)
     except OSError as error:
-        raise TraceError(f"{path}: can't be read: {error.strerror}") from None
+        raise NotReadError(f"{path}: can't be read: {error.strerror}") from None
 
 
 def refuse_swapped(specs: Sequence[Path], recording: Path) -> None:

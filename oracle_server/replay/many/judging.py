@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import oracle_server
-from oracle_server.core.errors import OracleError, TraceError, one_line
+from oracle_server.core.errors import NotReadError, OracleError, TraceError, one_line
 from oracle_server.core.spec import By
 from oracle_server.replay.conclusion import UNUSABLE
 from oracle_server.replay.many.digest import Extent, digest, extent
@@ -109,10 +109,10 @@ class Judge:
             rows = self._rows(task, index, known, before, show)
             if extent(task.path) != before:
                 return self.failed(task, index, f"{task.path}: was written to while it was judged", "run")
-        except TraceError as error:
-            return self.failed(task, index, str(error), "recording", known, before.size)
         except OracleError as error:
-            return self.failed(task, index, str(error), "run")
+            if not isinstance(error, TraceError) or isinstance(error, NotReadError):
+                return self.failed(task, index, str(error), "run")
+            return self.failed(task, index, str(error), "recording", known, before.size)
         except MemoryError:
             return self.failed(task, index, f"{task.path}: more memory is needed than there is", "run")
         except Exception as error:  # noqa: BLE001 -- the other recordings are judged all the same

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import threading
 from pathlib import Path, PosixPath
-from typing import Literal
+from typing import Any, Literal
 
 from oracle_server.replay.many.judging import Task, Unit
 from oracle_server.replay.many.row import Row
@@ -37,6 +38,18 @@ class Odd(PosixPath):
 
     def is_dir(self) -> Literal[False]:
         raise ZeroDivisionError("what is this?")
+
+
+class Failing(PosixPath):
+    """A recording on a disk that fails once its digest is taken."""
+
+    opened = 0
+
+    def open(self, *arguments: Any, **options: Any) -> Any:
+        self.opened += 1
+        if self.opened > 1:
+            raise OSError(errno.EIO, "Input/output error")
+        return super().open(*arguments, **options)
 
 
 def run(recordings: list[Path], specs: list[Path], timeout: float | None = AGES) -> dict[int, list[Row]]:
@@ -88,3 +101,12 @@ def test_what_nobody_has_thought_of_is_an_error(tmp_path: Path) -> None:
     assert {row.error_kind for row in found[0]} == {"run"}
     assert all("ZeroDivisionError: what is this?" in (row.error or "") for row in found[0])
     assert found[1] == judged(question(specs), recordings[1])
+
+
+def test_what_the_system_does_not_let_be_read_is_tried_again(tmp_path: Path) -> None:
+    """It is no matter of what the recording holds, and so no result."""
+    specs, (path, *_) = write_specs(tmp_path), write_recordings(tmp_path / "recordings", 1)
+    (rows,) = run([Failing(path)], specs).values()
+    assert {(row.error, row.error_kind, row.recording_digest) for row in rows} == {
+        (f"{path}: can't be read: Input/output error", "run", None)
+    }
