@@ -47,6 +47,8 @@ class InBlocks(ABC):
         """The time of the oldest message that was read; 0 where none was."""
         self._newest: int | None = None
         """The time of the newest message that was read; None where none was."""
+        self._nameless: set[int] = set()
+        """The channels that were said to have no topic."""
 
     def messages(self, wanted: Collection[int]) -> Iterator[Message]:
         """The messages of these channels, by the time of recording."""
@@ -69,6 +71,12 @@ class InBlocks(ABC):
                 pass
         return self._newest or 0
 
+    def _unnamed(self, block: Block, channel: int) -> None:
+        """Note a message of which the file does not tell the topic, as where the part is damaged that does."""
+        if channel not in self._nameless:
+            self._nameless.add(channel)
+            self._damaged(block, f"has messages of channel {channel}, of which the file does not tell the topic")
+
     def _heard(self, time: int) -> None:
         """Note the time of a message that was read, whatever its channel."""
         self._oldest = min(self._oldest or time, time)
@@ -77,6 +85,10 @@ class InBlocks(ABC):
     @abstractmethod
     def _in_block(self, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:
         """The messages of these channels in a block, None for all; each that is there is noted."""
+
+    @abstractmethod
+    def _damaged(self, block: Block, what: str) -> None:
+        """Note what is wrong with a block."""
 
 
 def in_order(blocks: Sequence[Block], read: Callable[[Block], list[Message]]) -> Iterator[Message]:

@@ -97,6 +97,7 @@ class McapFile(InBlocks):
             read = Counter(number for block in self._blocks for number, *_ in self._in_block(block, None))
             self._counts = read if self._counts is None else self._counts
             del self.damages[0 if ended else 1 :]  # they are found again with the messages
+            self._nameless.clear()
         behind = size - position - len(MAGIC)
         if ended and behind > 0:
             self.damages.append(f"has {behind} bytes behind its end that were not read, as of a file that was appended")
@@ -178,6 +179,8 @@ class McapFile(InBlocks):
                     self._damaged(block, f"has a message of channel {channel} at {time} ns, which is no time")
                 else:
                     self._heard(time)
+                    if channel not in self._channels:
+                        self._unnamed(block, channel)
                     if wanted is None or channel in wanted:
                         yield channel, time, data[at + _MESSAGE_HEAD.size : at + length], published
             elif kind in (_SCHEMA, _CHANNEL):

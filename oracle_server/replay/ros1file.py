@@ -76,6 +76,7 @@ class Ros1File(InBlocks):
             self.damages.append(f"ends early, {where} {position} of {size}: the bag was not closed")
             self._counts = Counter(number for block in self._blocks for number, *_ in self._in_block(block, None))
             del self.damages[1:]  # they are found again with the messages
+            self._nameless.clear()
 
     def _record_at(self, position: int) -> tuple[_Fields, int, int]:
         """The heading of the record at a place, the place of its data, and their length. Raises `DamagedError`."""
@@ -140,6 +141,8 @@ class Ros1File(InBlocks):
                 if kind == _MESSAGE and (asked or len(stamp) == 8):  # what nobody asked for does no harm
                     time = _nanoseconds(*struct.unpack("<II", stamp))
                     self._heard(time)
+                    if number not in self._channels:
+                        self._unnamed(block, number)
                     if asked:
                         yield number, time, data[end - length : end], 0
                 elif kind == _CONNECTION:

@@ -89,6 +89,9 @@ class SqliteFile:
             promised = None if counts is None else counts.get(number, 0)
             lasts = is_lasting(str(qos))
             found.append(Channel(number, str(topic), str(kind), text, encoding, str(serialization), promised, lasts))
+        nameless = sorted(str(number) for number in (counts or {}).keys() - {channel.id for channel in found})
+        if nameless:
+            self.damages.append(f"has messages of topics that it does not name: {', '.join(nameless[:5])}")
         return found
 
     def _counts(self) -> dict[int, int] | None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import random
 import re
+import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -309,3 +311,32 @@ def test_bytes_between_the_chunks_of_a_bag_and_its_index_are_no_damage(lacking: 
     found = judged(spec, path)
     assert found.summary["events"] == 31
     assert ("ends early" in found.said) is bool(lacking)
+
+
+@pytest.mark.parametrize("form", ["mcap", "db3", "bag"])
+def test_messages_whose_topic_is_not_told_are_said(form: str, tmp_path: Path) -> None:
+    """As where the part is damaged that tells it: they may be the ones that the spec is about."""
+    if form == "bag":
+        path, told = write_ros1(tmp_path / "x.bag", 30), "channel 9"
+        data = path.read_bytes()
+        at = data.index(b"conn=", data.index(b"op=\x02") - 40) + 5
+        path.write_bytes(data[:at] + b"\x09" + data[at + 1 :])
+    elif form == "db3":
+        bag, told = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.SQLITE3), "topics that it does not name"
+        (path,) = bag.glob("*.db3")
+        with closing(sqlite3.connect(path)) as database, database:
+            database.execute("UPDATE messages SET topic_id = 9 WHERE id = 7")
+    else:
+        path, told = tmp_path / "x.mcap", "channel 9"
+        with path.open("wb") as out:
+            writer = Writer(out)
+            writer.start(profile="ros2", library="test")
+            schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data\n")
+            channel = writer.register_channel("/x", "cdr", schema)
+            for at in range(20):
+                writer.add_message(channel if at % 5 else 9, BASE + at, b"\0\1\0\0" + bytes(8), BASE + at)
+            writer.finish()  # type: ignore[no-untyped-call]
+    text = SPEC if form == "bag" else NUMBERS
+    found = judged(write_spec(tmp_path, text), path)
+    assert found.said.count(told) == 1, found.said
+    assert found.strict != 0
