@@ -58,8 +58,17 @@ def files_of(path: Path) -> Files:
             raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
         # a recorder that compresses files and was killed may leave one beside what it was compressing it to
         found = [file for file in found if _plain(file) == file or _plain(file) not in found]
-        return Files(found, notes=[f"has no {METADATA}: its recording was not closed"])
+        return Files(found, notes=_undescribed(found))
     return _listed(path, _information(metadata))
+
+
+def _undescribed(found: Sequence[Path]) -> list[str]:
+    """What is to be said of the files of a folder without metadata, which bags of ROS 1 have none of."""
+    if any(begins_as(file) != ROS1 for file in found):
+        return [f"has no {METADATA}: its recording was not closed"]
+    if len(found) == 1:
+        return []
+    return [f"has {len(found)} bags of ROS 1, which are judged as one that was split; with --on each is one of its own"]
 
 
 def open_storage(path: Path, stack: ExitStack) -> Storage:

@@ -14,6 +14,8 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from tests.replay.judging import BASE, judge, write_numbers, write_spec
+from tests.replay.writing import SPEC as PUMP
+from tests.replay.writing import write_ros1
 
 SPEC = """
 id: numbers
@@ -295,3 +297,17 @@ def test_a_copy_that_is_compressed_is_not_read_beside_the_file(suffix: str, bag:
     path.unlink()
     copy.write_bytes(whole)
     assert judge(spec, bag).summary["events"] == 20
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_bags_of_ros_1_have_no_metadata(count: int, tmp_path: Path) -> None:
+    """Nothing is wrong with one of them; of several nobody knows whether they are one recording."""
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    for number in range(count):
+        write_ros1(folder / f"pump_{number}.bag", 30)
+    found = judge(write_spec(tmp_path, PUMP), folder)
+    assert found.summary["events"] == 31 * count
+    assert found.said == ("" if count == 1 else (
+        "has 2 bags of ROS 1, which are judged as one that was split; with --on each is one of its own"
+    ))  # fmt: skip
