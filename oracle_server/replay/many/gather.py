@@ -11,9 +11,12 @@ from typing import NamedTuple
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.folder import MAGICS, METADATA, begins_as
 from oracle_server.replay.opening import is_recording
+from oracle_server.replay.ros1file import MAGIC as ROS1
 
 _NAMED = frozenset({".bag", ".mcap", ".db3", ".jsonl", ".zstd"})
 """What recordings are called: such a file is one, whatever it holds."""
+_NUMBERED = frozenset(MAGICS) - {ROS1}
+"""How the files begin that `ros2 bag` numbers."""
 
 
 class Gathered(NamedTuple):
@@ -64,7 +67,7 @@ def _is_bag(folder: Path) -> bool:
 
 
 def _begins(path: Path) -> bool:
-    return path.is_file() and begins_as(path) in MAGICS
+    return path.is_file() and begins_as(path) in _NUMBERED
 
 
 def _inside(folder: Path, passed: Collection[Path]) -> Gathered:

@@ -38,6 +38,16 @@ def test_a_folder_is_its_recordings_by_name(tmp_path: Path) -> None:
     assert gather([tmp_path], without=[log]).recordings == found.recordings[1:]
 
 
+def test_bags_of_ros_1_are_recordings_of_their_own(tmp_path: Path) -> None:
+    """However their folder is named: `ros2 bag` numbers its files so."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    bags = [folder / f"run_{number}.bag" for number in range(2)]
+    for bag in bags:
+        bag.write_bytes(b"#ROSBAG V2.0\n")
+    assert gather([folder]).recordings == bags
+
+
 def test_arguments_keep_their_order_and_are_taken_once(tmp_path: Path) -> None:
     first, second, third = write_recordings(tmp_path / "r", 3)
     assert gather([third, tmp_path / "r" / "*.jsonl", first]).recordings == [third, first, second]
