@@ -159,13 +159,14 @@ class MemoryHistory(Alone):
         self._do(_Command(session, lambda: self._of(session).refusals.append(refusal), done))
 
     def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
-        """Add to an event's steps what the adapter did."""
+        """Add to the step at which an event was decided what the adapter did."""
 
         def amend() -> None:
             steps = self._of(session).steps
             passed, why = handling
             for i, step in enumerate(steps):
-                if (step.step.event.monitor, step.step.event.seq) == (monitor, seq):
+                event = step.step.event
+                if (event.monitor, event.seq) == (monitor, seq) and (step.decision or not event.ask):
                     steps[i] = msgspec.structs.replace(step, passed=passed, why=why)
 
         self._do(_Command(session, amend, done))

@@ -124,7 +124,10 @@ class Writing(Protocol):
         ...
 
     def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
-        """Add to an event's steps whether the adapter let it pass, and why."""
+        """Add to the step at which an event was decided whether the adapter let it pass, and why.
+
+        Where it is judged by two orders its step in the other one decided nothing.
+        """
         ...
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:

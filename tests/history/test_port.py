@@ -79,6 +79,17 @@ async def test_commands_are_done_in_the_order_in_which_they_were_given(history: 
     assert (first.passed, first.why) == (True, "decision")
 
 
+async def test_what_was_done_with_an_event_stands_where_it_was_decided(history: History) -> None:
+    """And not at its step in the other order, whether it is written already or not."""
+    other, decided = (step(position, seq=1, decision=Decision("allow", ())) for position in (1, 2))
+    history.open_session(opened())
+    history.append(1, [msgspec.structs.replace(other, order="arrival", decision=None), decided], lambda: None)
+    history.amend(1, "m", 1, (True, "timeout"), lambda: None)
+    await history.flush()
+    found = [await history.step(1, position) for position in (1, 2)]
+    assert [(one.passed, one.why) for one in found if one is not None] == [(None, None), (True, "timeout")]
+
+
 async def test_a_session_is_open_until_it_is_closed(history: History) -> None:
     first, second = opened(1, "one"), opened(2, "two", private=True)
     history.open_session(first)

@@ -200,8 +200,9 @@ class SqlHistory:
         self._writer.append(session, "refused", [(session, *refusal)], done)
 
     def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
-        """Add to an event's steps what the adapter did."""
-        sql = "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?"
+        """Add to the step at which an event was decided what the adapter did."""
+        which = "session = ? AND monitor = ? AND seq = ? AND (decision IS NOT NULL OR ask = 0)"
+        sql = f"UPDATE steps SET passed = ?, why = ? WHERE {which}"  # noqa: S608
         self._execute(session, sql, lambda: (*handling, session, monitor, seq), done)
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
