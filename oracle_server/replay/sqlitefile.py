@@ -9,12 +9,14 @@ from pathlib import Path
 from urllib.parse import quote
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.scratch import let_go, unpacking, write
+from oracle_server.replay.scratch import NoRoomError, let_go, unpacking, write
 from oracle_server.replay.storage import Channel, Message, is_lasting
 
 MAGIC = b"SQLite format 3\x00"
 LOG = "-wal"
 """What follows a database's name in that of the file with what was committed, and is not in the database yet."""
+_NO_ROOM = frozenset({sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE})
+"""What sqlite says where it can't write what it sorts."""
 _MESSAGES = "SELECT topic_id, timestamp, data FROM messages"
 
 
@@ -101,7 +103,10 @@ class SqliteFile:
             return None  # reading the messages comes upon it again, and says so
 
     def messages(self, wanted: Collection[int]) -> Iterator[Message]:
-        """The messages of these channels, by the time of recording; as they stand in a file that ends early."""
+        """The messages of these channels, by the time of recording; as they stand in a file that ends early.
+
+        Raises `NoRoomError` where they are many, have no index, and the disk does not take them.
+        """
         which = f"topic_id IN ({','.join('?' * len(wanted))})"
         query = f"{_MESSAGES} WHERE {which} ORDER BY timestamp, id"
         if not self._whole:
@@ -113,6 +118,9 @@ class SqliteFile:
                     continue
                 yield number, time, data, 0
         except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", None) in _NO_ROOM:
+                what = "can't be put in order in the folder for temporary files (TMPDIR)"
+                raise NoRoomError(f"{self.path}: {what}: {error}") from None
             if self._whole:
                 self._ended_early = True
                 self.damages.append(f"ends early: {error}")
