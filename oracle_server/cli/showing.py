@@ -6,6 +6,7 @@ import contextlib
 import os
 import subprocess
 import sys
+import tarfile
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -16,11 +17,14 @@ import httpx
 
 from oracle_server.core.errors import TraceError, one_line
 from oracle_server.core.units import counted
-from oracle_server.process.daemon import LOG, launch
+from oracle_server.process.daemon import LOG as SERVER_LOG
+from oracle_server.process.daemon import launch
 from oracle_server.process.pidfile import running
 from oracle_server.process.progress import progress
 from oracle_server.replay.conclusion import gravest
+from oracle_server.replay.folder import MAGICS, METADATA, begins_as
 from oracle_server.replay.opening import refuse_swapped
+from oracle_server.replay.sqlitefile import LOG, log_of
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import SpecFile, load_spec
 
@@ -28,8 +32,6 @@ _STARTED_WITHIN = _STOPPED_WITHIN = 60.0
 _ASK_EVERY = 0.1
 """Seconds between two questions of how far a recording has got."""
 _PIECE = 2**20
-_DATA = (".mcap", ".db3", ".bag", ".jsonl", ".zstd")
-"""How the files of a bag end that have its messages."""
 
 
 def show_recording(specs: Sequence[Path], trace: Path, types: Sequence[Path]) -> int:
@@ -38,34 +40,48 @@ def show_recording(specs: Sequence[Path], trace: Path, types: Sequence[Path]) ->
     Returns the exit status of `replay`. Raises `SpecError` and `TraceError` where an input can't be used.
     """
     refuse_swapped(specs, trace)
-    file = _one_file(trace)
     known = Types(types)
     loaded = {each.spec.id: each for each in (load_spec(path, types=known) for path in specs)}
     with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as place:
         statuses: list[int] = []
+        file = _as_one(trace, Path(place) / "packed")
         with _server(Path(place), file, loaded, types) as (process, url):
             try:
                 with httpx.Client(base_url=url, trust_env=False, timeout=_STARTED_WITHIN) as http:
                     statuses += [_judged(http, file, name) for name in loaded]
             except httpx.HTTPError as error:
                 raise TraceError(f"the server that is to show it does not answer: {error}") from None
-            sys.stdout.write("Ctrl-C ends it; nothing of it is kept\n")
-            sys.stdout.flush()
-            with contextlib.suppress(KeyboardInterrupt):
+            with contextlib.suppress(KeyboardInterrupt):  # which may come as soon as it is told
+                sys.stdout.write("Ctrl-C ends it; nothing of it is kept\n")
+                sys.stdout.flush()
                 process.wait()
                 raise TraceError("the server that shows it has ended by itself")
         return gravest(statuses)
     return 130
 
 
-def _one_file(trace: Path) -> Path:
-    """The recording, or the one file of a folder that is a bag. Raises `TraceError` where there are more."""
-    if not trace.is_dir():
-        return trace
-    files = [path for path in trace.iterdir() if path.suffix in _DATA]
-    if len(files) != 1:
-        raise TraceError(f"{trace}: a server takes one file, and it has {len(files)} with messages: name one of them")
-    return files[0]
+def _as_one(trace: Path, place: Path) -> Path:
+    """What is sent of a recording: its file, or a new one in `place` where it has several. Raises `TraceError`."""
+    try:
+        if not trace.is_dir():
+            log = log_of(trace)
+            if log is None:
+                return trace
+            files = [trace, log]
+        else:
+            files = sorted(path for path in trace.iterdir() if path.is_file() and _of_bag(path))
+        place.mkdir()
+        packed = place / (trace.absolute().name or "recording")
+        with tarfile.open(packed, "w", dereference=True) as archive:
+            for path in files:
+                archive.add(path, path.name)
+    except OSError as error:
+        raise TraceError(f"{trace}: can't be packed to be shown: {error.strerror or error}") from None
+    return packed
+
+
+def _of_bag(path: Path) -> bool:
+    return path.name == METADATA or path.name.endswith(LOG) or begins_as(path) in MAGICS
 
 
 @contextlib.contextmanager
@@ -86,7 +102,7 @@ def _server(
         "ORACLE_DURABILITY": "normal",
         "ORACLE_MAX_RECORDING": f"{_size(recording) // 1000 + 1}kB",
     }
-    process, _ = launch(plain | settings, data / LOG, _STARTED_WITHIN, keep=False)
+    process, _ = launch(plain | settings, data / SERVER_LOG, _STARTED_WITHIN, keep=False)
     try:
         started = running(data)
         if started is None or started.url is None:
