@@ -146,8 +146,11 @@ class McapFile(InBlocks):
                 about = _map(data, at)
                 lasts = is_lasting(about.get("offered_qos_profiles", ""), about.get("latching", ""))
                 channel = Channel(number, topic, "", serialization=serialization, lasts=lasts)
-                if self._channels.setdefault(number, channel) is channel:
+                before = self._channels.setdefault(number, channel)
+                if before is channel:
                     self._schema_of[number] = schema
+                elif before.topic != topic:  # as of files that were put together
+                    self.damages.append(f"tells two topics of channel {number}, {before.topic} and {topic}")
             elif kind == _STATISTICS:
                 at = _STATISTICS_HEAD.size + 4
                 pairs = struct.iter_unpack("<HQ", data[at : at + struct.unpack_from("<I", data, at - 4)[0]])

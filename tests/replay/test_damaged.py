@@ -8,6 +8,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -340,3 +341,24 @@ def test_messages_whose_topic_is_not_told_are_said(form: str, tmp_path: Path) ->
     found = judged(write_spec(tmp_path, text), path)
     assert found.said.count(told) == 1, found.said
     assert found.strict != 0
+
+
+def test_a_channel_of_two_topics_is_said(tmp_path: Path) -> None:
+    """As of files that were put together: each has numbers of its own."""
+    path, data = tmp_path / "x.mcap", b""
+    for topic in ("/x", "/y"):
+        out = BytesIO()
+        writer = Writer(out, compression=CompressionType.NONE)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data\n")
+        channel = writer.register_channel(topic, "cdr", schema)
+        writer.add_message(channel, BASE, b"\0\1\0\0" + bytes(8), BASE)
+        writer.finish()  # type: ignore[no-untyped-call]
+        found = out.getvalue()
+        at = found.index(b"\x06", 8 + 9 + int.from_bytes(found[9:17], "little"))  # the chunk behind the header
+        end = at + 9 + int.from_bytes(found[at + 1 : at + 9], "little")
+        data = data or found[:at]
+        data += found[at:end]
+    path.write_bytes(data)
+    said = judged(write_spec(tmp_path, NUMBERS), path).said
+    assert "x.mcap: tells two topics of channel 1, /x and /y" in said
