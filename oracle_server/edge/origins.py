@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from ipaddress import IPv6Address, ip_address
 from urllib.parse import urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -22,7 +23,7 @@ class Origins:
     def __init__(self, app: ASGIApp, hosts: Iterable[str] = ()) -> None:
         """Let in requests for `hosts` and for the names of loopback."""
         self._app = app
-        self._hosts = frozenset(host.lower() for host in (*_LOOPBACK, *hosts))
+        self._hosts = frozenset(_plain(host.lower()) for host in (*_LOOPBACK, *hosts))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse a request or WebSocket, or pass it on."""
@@ -38,12 +39,27 @@ class Origins:
         await refuse(scope, receive, send, *refusal)
 
     def _refusal(self, host: str, origin: str | None, own_address: str) -> tuple[int, str] | None:
-        name = _name(host)
-        if name not in self._hosts and name != own_address:  # DNS rebinding needs a name, not an address
-            return 421, f"this server does not answer for the host '{name or ''}'"
+        name = _name(host) or ""
+        known = _plain(name) in self._hosts or _plain(name) == _plain(own_address)
+        if not name or not known:  # DNS rebinding needs a name, not an address
+            return 421, f"this server does not answer for the host '{name}'"
         if origin is not None and _location(origin) != host.lower():
             return 403, f"pages of another origin may not use this server{_PROXY}"
         return None
+
+
+def _plain(name: str) -> str:
+    """A name as it is; an address as all that mean it write it.
+
+    Where `::` is bound, IPv4 comes by addresses of IPv6, and link-local ones have an interface behind them.
+    """
+    try:
+        address = ip_address(name)
+    except ValueError:
+        return name
+    if isinstance(address, IPv6Address):
+        address = address.ipv4_mapped or IPv6Address(int(address))
+    return str(address)
 
 
 def _location(origin: str) -> str | None:

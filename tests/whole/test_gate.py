@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator
 
+import httpx
 from websockets.asyncio.client import connect
 
+from tests.whole.conftest import Starts
 from tests.whole.harness import PATIENCE, Server, problem
 
 HANDSHAKE = (
@@ -53,6 +55,16 @@ async def test_foreign_hosts_and_origins_are_refused_on_the_websocket(server: Se
         await writer.wait_closed()
         assert answer.startswith(f"HTTP/1.1 {status} "), (headers, answer)
         assert "content-type: application/problem+json" in answer.lower()
+
+
+async def test_a_server_at_all_addresses_of_ipv6_answers_to_those_of_ipv4(start: Starts) -> None:
+    port = start(ORACLE_HOST="::", ORACLE_INSECURE="true").url.rsplit(":", 1)[1]
+    with httpx.Client(trust_env=False, timeout=PATIENCE) as http:
+        for address in ("127.0.0.2", "127.0.0.1", "[::1]", "[0:0::1]", "[::ffff:127.0.0.2]"):
+            assert http.get(f"http://{address}:{port}/healthz").status_code == 200, address
+        mapped = f"http://[::ffff:127.0.0.2]:{port}/healthz"
+        assert http.get(mapped, headers={"Host": f"127.0.0.2:{port}"}).status_code == 200
+        problem(http.get(mapped, headers={"Host": f"127.0.0.3:{port}"}), 421)
 
 
 async def test_the_servers_own_pages_may_ask(server: Server) -> None:
