@@ -88,6 +88,7 @@ tokens.command("list")(token.list_)
 
 def main() -> None:
     """Run the command line; an error is one line on standard error and exit status 2, as 1 says "violated"."""
+    _open_standard_streams()
     _write_utf8()
     try:
         status = app(standalone_mode=False)
@@ -102,6 +103,20 @@ def main() -> None:
             raise
         sys.exit(_fail(_reason(error)))
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _open_standard_streams() -> None:
+    """Let nothing be read from, and written to, standard streams that are closed, as by `>&-`.
+
+    What is opened next would have their numbers, and Python has None in their place.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115 -- open to the end
 
 
 def _write_utf8() -> None:

@@ -14,6 +14,7 @@ from tests.whole.harness import COMMAND, environment, failed
 
 SPEC = ROOT / "specs" / "battery_uav.yaml"
 TRACE = ROOT / "examples" / "battery_uav" / "traces" / "in_order.jsonl"
+FAULTY = TRACE.with_name("fault_wrong_status.jsonl")
 REPORTS = [
     ("replay", SPEC, TRACE, "--json"),
     ("replay", SPEC, TRACE, "--format", "junit"),
@@ -41,6 +42,16 @@ def test_a_report_that_can_not_be_written_is_no_violation(command: tuple[str | P
     assert ended.returncode == 2
     last = [line for line in ended.stderr.splitlines() if "warning" not in line]
     assert last == ["oracle-server: can't go on: No space left on device"]
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(("trace", "status"), [(TRACE, 0), (FAULTY, 1), ("/nowhere.jsonl", 2)])
+def test_what_is_said_where_nobody_listens_changes_no_exit_status(closed: str, trace: str | Path, status: int) -> None:
+    command: list[str | Path] = ["sh", "-c", f'exec "$@" {closed}', "sh", COMMAND, "replay", SPEC, trace]
+    ended = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+    assert ended.returncode == status, ended
+    assert "Traceback" not in ended.stderr
+    assert not any(line.startswith("oracle-server: a defect") for line in ended.stderr.splitlines())
 
 
 @pytest.mark.parametrize("shown", [False, True])
