@@ -22,6 +22,8 @@ _SILENT = 60.0
 _RECONNECT_AFTER = 1.0
 _UNIX = "unix://"
 """How the address of a UNIX socket begins; the rest is its path."""
+_KEYS = {"items", "id", "n"}
+"""Of which every document of the API has one: a list, what has a name, and a verdict."""
 _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
 """Errors after which a stream is reopened where it ended."""
 
@@ -75,9 +77,10 @@ class Client:
         with self._reaching():
             params = {k: v for k, v in query.items() if v is not None}
             response = self._http.request(method, path, params=params, content=content, timeout=within)
-            document: dict[str, Any] = response.json()
-        if response.is_error:
-            raise ServerUnreachableError(f"{self._url}: {document.get('detail', response.reason_phrase)}")
+            self._demand_success(response)
+            document = response.json()
+            if not isinstance(document, dict) or document.keys().isdisjoint(_KEYS):
+                raise ValueError
         return document
 
     @contextlib.contextmanager
@@ -105,7 +108,7 @@ class Client:
                 contextlib.suppress(*_CUT),
                 self._http.stream("GET", path, params=query, headers=headers, timeout=_SILENT) as response,
             ):
-                self._demand_success(response)
+                self._demand_success(response, "text/event-stream")
                 for event in _events(_lines(response)):
                     if event.get(b"event") == b"closed":
                         return
@@ -121,13 +124,16 @@ class Client:
     def lines(self, path: str) -> Iterator[bytes]:
         """The lines of a document in JSON Lines. Raises `ServerUnreachableError`."""
         with self._reaching(), self._http.stream("GET", path) as response:
-            self._demand_success(response)
+            self._demand_success(response, "application/jsonl")
             yield from _lines(response)
 
-    def _demand_success(self, response: httpx.Response) -> None:
+    def _demand_success(self, response: httpx.Response, kind: str = "application/json") -> None:
+        """Raise `ServerUnreachableError` with what an error says, ValueError where it is no answer of such a kind."""
         if response.is_error:
             response.read()
             raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
+        if not response.headers.get("content-type", "").startswith(kind):
+            raise ValueError
 
     def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
         """The items of all pages of a list. Raises `ServerUnreachableError`."""
@@ -167,7 +173,7 @@ def _detail(response: httpx.Response) -> str:
     try:
         return str(response.json()["detail"])
     except (ValueError, LookupError, TypeError):
-        return response.reason_phrase
+        return f"answers {response.status_code}, and not as an oracle server"
 
 
 def _tls() -> ssl.SSLContext:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+
+import pytest
 
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import copy_specs
-from tests.whole.harness import Server, run
+from tests.whole.harness import Server, failed, run
 
 ENDS = "a\u2028b\u2029c\x85d\x0be\x1cf"
 """Characters that Python takes for ends of lines, and neither JSON nor Server-Sent Events do."""
@@ -29,3 +35,45 @@ async def test_texts_with_ends_of_lines_in_them_are_followed_and_recorded_whole(
         assert run("record", "s", "--output", trace, "--url", server.url).returncode == 0
         lines = [json.loads(line) for line in trace.read_bytes().split(b"\n") if line]
         assert [line["signals"]["v"] for line in lines] == [ENDS, "plain"]
+
+
+COMMANDS = [
+    ("sessions",), ("specs",), ("top",), ("episodes",), ("verdicts", "s"), ("verdicts", "s", "--follow"),
+    ("verdicts", "s", "--explain", "3"), ("close", "s"), ("record", "s", "-o"),
+]  # fmt: skip
+
+
+@contextmanager
+def another(status: int, body: bytes) -> Iterator[str]:
+    """Another program that answers all in JSON, and its address."""
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(status)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        do_DELETE = do_GET  # noqa: N815 -- the library's name
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Answer) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_another_program_at_the_address_is_told_as_one(command: tuple[str, ...], tmp_path: Path) -> None:
+    files = [tmp_path / "s.jsonl"] if "-o" in command else []
+    for status, body in ((200, b"{}"), (200, b'["items"]'), (404, b"[1]"), (500, b"<html>")):
+        with another(status, body) as url:
+            assert failed(*command, *files, "--url", url).endswith("as an oracle server"), (status, body)
+    assert not any(tmp_path.iterdir())
