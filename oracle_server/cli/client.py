@@ -47,7 +47,8 @@ class Client:
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
-        if token and not token.isascii():
+        token = token.strip() if token else None  # files end with a newline, as secrets that are made of them do
+        if token and not all("!" <= character <= "~" for character in token):
             raise ServerUnreachableError("ORACLE_TOKEN or --token: not a token; `oracle-server token add` prints one")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         with self._reaching():

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from oracle_adapter import Link
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
@@ -100,6 +101,20 @@ def test_a_token_in_the_address_is_no_token(guarded: Guarded) -> None:
 def test_what_says_nothing_of_robots_needs_no_token(guarded: Guarded) -> None:
     for path in ("/healthz", "/readyz", "/docs", "/openapi.json"):
         assert guarded.ask(None, "GET", path).status_code == 200
+
+
+async def test_a_token_of_a_file_is_one_with_the_newline_at_its_end(guarded: Guarded) -> None:
+    server, secret = guarded.server, guarded.secrets["admin"]
+    for token in (f"{secret}\n", f" {secret}\r\n"):
+        told = run("sessions", "--url", server.url, ORACLE_TOKEN=token)
+        assert (told.returncode, told.stderr) == (0, "")
+        with Link(server.url, "m1", spec="single", session="s", token=token) as link:
+            assert (await asyncio.to_thread(link.wait_attached, PATIENCE)).session == "s"
+    broken = f"{secret[:9]}\n{secret[9:]}"
+    told_of = failed("sessions", "--url", server.url, ORACLE_TOKEN=broken)
+    with pytest.raises(ValueError, match="the token is none") as refused:
+        Link(server.url, "m1", spec="single", token=broken)
+    assert not any(secret[9:] in text for text in (told_of, str(refused.value)))
 
 
 async def test_scopes_hold(guarded: Guarded) -> None:

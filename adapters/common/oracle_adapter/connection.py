@@ -74,6 +74,7 @@ def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> 
     Those that are encrypted are reached by `tls`, or by what the environment names without one.
     Raises `ValueError`.
     """
+    token = _trimmed(token)
     found = [attach_url(url.strip()) for url in urls.split(",")]
     plain = [url for url in found if not url.startswith("wss:")]
     if tls is not None and plain:
@@ -82,6 +83,17 @@ def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> 
         return [Address(url, token) for url in found]
     context = Renewed(os.environ).context if tls is None else lambda: tls
     return [Address(url, token, None if url in plain else context) for url in found]
+
+
+def _trimmed(token: Optional[str]) -> Optional[str]:
+    """A token without the space around it, as files have it at their end.
+
+    Raises `ValueError`, without the token, where no header could hold it.
+    """
+    trimmed = token.strip() if token else token
+    if trimmed and not all("!" <= character <= "~" for character in trimmed):
+        raise ValueError("the token is none; `oracle-server token add` prints one")
+    return trimmed
 
 
 def attach_url(url: str) -> str:
