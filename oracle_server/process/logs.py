@@ -27,6 +27,8 @@ KEPT = 4
 
 _LIBRARIES = ("asyncio", "uvicorn.error", "websockets.server")
 """Loggers whose lines anybody who connects can cause."""
+_REFUSED = "ASGI callable returned without completing handshake."
+"""What uvicorn says of every WebSocket that was answered by an error."""
 
 
 class LogError(OracleError):
@@ -80,12 +82,15 @@ def _file(path: Path) -> RotatingFileHandler:
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:
-    """Log without a traceback what is no error of the server: malformed text, a request that its stop cut off."""
+    """Log as it is what is no error of the server: malformed text, a request that its stop cut off, a refusal."""
     if record.getMessage().startswith("Invalid UTF-8"):
         record.exc_info = None
     elif record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):
         record.exc_info = None
         record.msg, record.args = "a request did not end in time, and was cut off", ()
+    elif record.getMessage() == _REFUSED:
+        record.levelno, record.levelname = logging.WARNING, "WARNING"
+        record.msg, record.args = "a WebSocket was refused; the answer told its client why", ()
     return True
 
 

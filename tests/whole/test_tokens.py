@@ -117,6 +117,13 @@ async def test_a_token_of_a_file_is_one_with_the_newline_at_its_end(guarded: Gua
     assert not any(secret[9:] in text for text in (told_of, str(refused.value)))
 
 
+async def test_a_refused_monitor_is_logged_as_one(guarded: Guarded) -> None:
+    with pytest.raises(InvalidStatus, match="401"):
+        await guarded.attach(None, spec="single")
+    guarded.server.said(r"\[warning *\] a WebSocket was refused; the answer told its client why")
+    assert "ASGI" not in guarded.server.log
+
+
 async def test_scopes_hold(guarded: Guarded) -> None:
     for path in READING[:2]:
         assert guarded.ask("read", "GET", path).status_code == 200
