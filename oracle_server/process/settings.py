@@ -167,7 +167,9 @@ def load_settings(**given: Any) -> Settings:
         return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
         first = error.errors()[0]
+        why = first["msg"].removeprefix("Value error, ")
         if not first["loc"]:
-            raise SettingsError(first["msg"].removeprefix("Value error, ")) from None
+            raise SettingsError(why) from None
         name = str(first["loc"][0])
-        raise SettingsError(f"ORACLE_{name.upper()} or --{name.replace('_', '-')}: {first['msg']}") from None
+        where = f"ORACLE_{name.upper()}" if given.get(name) is None else f"--{name.replace('_', '-')}"
+        raise SettingsError(f"{where}: {why}") from None

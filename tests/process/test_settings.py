@@ -31,3 +31,12 @@ def test_a_user_without_a_home_is_told_to_name_a_data_directory(homeless: pytest
     homeless.delenv("ORACLE_DATA_DIR")
     homeless.setenv("XDG_STATE_HOME", str(tmp_path))
     assert load_settings().data_dir == tmp_path / "oracle-server"
+
+
+def test_what_is_wrong_is_told_by_the_name_it_was_given_by(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("ORACLE_RETAIN_SIZE", "lots")
+    with pytest.raises(SettingsError, match=r"^ORACLE_RETAIN_SIZE: expected a size such as 500MB.*'lots'$"):
+        load_settings(data_dir=tmp_path)
+    monkeypatch.delenv("ORACLE_RETAIN_SIZE")
+    with pytest.raises(SettingsError, match=r"^--forward: write postgresql://"):
+        load_settings(data_dir=tmp_path, forward="mysql://centre")
