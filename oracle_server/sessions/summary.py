@@ -90,8 +90,10 @@ def _doubts(state: Document) -> Iterator[str]:
     if lost := counters.get("lost"):
         places = ", ".join(dict.fromkeys(row["stream"] for row in state["streams"] if row.get("lost")))
         yield f"{counted(lost, 'event')} {_was(lost)} lost, and not judged{places and ': '}{places}"
+    if refused := counters.get("refused"):
+        yield f"{counted(refused, 'event')} {_was(refused)} refused, unreadable or of no stream here, and not judged"
     if skipped := counters.get("skipped"):
-        yield f"{counted(skipped, 'late event')} {_was(skipped)} skipped, and not judged"
+        yield f"{counted(skipped, 'event')} {_was(skipped)} skipped, late or while the history failed, and not judged"
     for row in state["properties"]:
         if row.get("unknown"):
             yield f"{row['id']} was unknown at {counted(row['unknown'], 'step')}"

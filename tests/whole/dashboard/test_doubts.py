@@ -30,6 +30,20 @@ async def test_a_session_that_lost_events_is_degraded(start: Starts, page: Page)
         await expect(card).to_have_attribute("data-state", "degraded")
 
 
+async def test_a_session_of_which_events_were_refused_is_degraded(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    refused = "2 events were refused, unreadable or of no stream here, and not judged"
+    async with attached(server, session="odd", spec="single") as monitor:
+        await monitor.send(make_event(1, data={"v": 1}), make_event(2) | {"data": [1]}, make_event(3, "/nowhere"))
+        await monitor.acked(3)
+        await page.goto(f"{server.url}/")
+        await expect(page.get_by_role("toolbar", name="Kinds")).to_contain_text("Degraded 1")
+        await page.goto(f"{server.url}/#/sessions/odd")
+        await expect(page.locator(".now .card")).to_contain_text(f"Its property holds; {refused}")
+    assert refused in run("verdicts", "odd", "--url", server.url).stdout
+    assert refused in run("close", "odd", "--url", server.url).stdout, "no event has come since that tells of a gap"
+
+
 async def test_a_recording_that_lacks_a_stream_is_not_good(start: Starts, page: Page) -> None:
     server = start(ORACLE_HISTORY="memory")
     event = json.dumps(make_event(1, data={"v": 1}) | {"arrived": make_event(1)["stamp"]})
