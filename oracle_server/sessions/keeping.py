@@ -35,6 +35,11 @@ class Keeping:
         """Why nothing more of the session can be kept, so that it is not judged any more; None where it can."""
         return self.failed or self._history.failure_of(self._number)
 
+    @property
+    def failure(self) -> str | None:
+        """Why no session can be kept at the moment, so that none is judged; None where they can."""
+        return self._history.failure
+
     def check(self) -> None:
         """Raise a fatal `WireError` where nothing more of the session can be kept."""
         if self.trouble is not None:

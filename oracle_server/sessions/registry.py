@@ -32,7 +32,7 @@ from oracle_server.sessions.opening import Begun, Records, SessionExistsError, S
 from oracle_server.sessions.recorded import RecordedSession
 from oracle_server.sessions.restoring import Restoring
 from oracle_server.sessions.shares import Shares
-from oracle_server.sessions.status import session_state
+from oracle_server.sessions.status import present_state, session_state
 from oracle_server.sessions.stopping import adrift, demand_having, demand_keeping, leave, let_go, settle, stops
 from oracle_server.sessions.unrestored import Unrestored
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
@@ -180,7 +180,7 @@ class Registry:
         """A session's state, as of its end where it is closed; None where it is unknown. Raises `HistoryError`."""
         live, unrestored = self.open.get(session_id), self.unrestored.get(session_id)
         if live is not None:
-            return session_state(live, live.clock.now())
+            return present_state(live, live.clock.now())
         if unrestored is not None:
             return unrestored.state
         recorded = self.recorded.get(session_id)
@@ -193,7 +193,7 @@ class Registry:
         live = []
         if origin is None:  # what is forwarded is never open here
             for session in [*reversed(self.open.values())]:
-                live.append(session_state(session, session.clock.now()))
+                live.append(present_state(session, session.clock.now()))
                 await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
             live += [one.state for one in self.recorded.values()] + [one.state for one in self.unrestored.values()]
         live += await self.others.states(origin)

@@ -42,6 +42,14 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     }
 
 
+def present_state(session: LiveSession, now: int) -> dict[str, Any]:
+    """The same of one that is not being closed: its `trouble` says too that nothing is judged at present."""
+    state = session_state(session, now)
+    if state["trouble"] is None and (failure := session.keeping.failure) is not None:
+        state["trouble"] = f"nothing of it is judged while the history can't be written: {failure}"
+    return state
+
+
 def judged_state(core: Session, now: int, refused: int) -> dict[str, Any]:
     """What of a state its judges and its order tell, at a time (ns); so many events were refused."""
     return {

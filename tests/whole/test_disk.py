@@ -12,7 +12,7 @@ from oracle_adapter import Link, LinkError
 
 from tests.whole.client import attached, connected, make_attach, make_clock, make_event, monitors, seqs
 from tests.whole.conftest import Starts
-from tests.whole.harness import PATIENCE, Server, failed, problem
+from tests.whole.harness import PATIENCE, Server, failed, problem, run
 
 
 @contextlib.contextmanager
@@ -33,9 +33,13 @@ async def test_nothing_is_acked_or_lost_while_the_history_can_not_be_written(sta
             assert server.http.get("/healthz").status_code == 200
             assert monitor.upto == 0
             assert seqs(server, "s") == []
+            for state in (server.get("sessions/s"), server.get("sessions", brief=True)["items"][0]):
+                assert state["trouble"].startswith("nothing of it is judged while the history can't be written: ")
+            assert "the history can't be written" in run("sessions", "--url", server.url).stdout
         await monitor.acked(2)
         await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
     assert seqs(server, "s") == [1, 2]
+    assert server.get("sessions/s")["trouble"] is None
 
 
 async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(start: Starts) -> None:
@@ -48,6 +52,7 @@ async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(
             for response in await asyncio.gather(*deleting):
                 problem(response, 503)
         await server.until(lambda: server.get("sessions/s")["status"], lambda status: status == "closed")
+        assert server.get("sessions/s")["trouble"] is None, "it is over, and so is that"
         frames, _ = await monitor.closed()
     assert {"type": "ack", "upto": 1} in frames
     assert seqs(server, "s") == [1]
