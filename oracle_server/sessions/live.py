@@ -52,6 +52,7 @@ class LiveSession:
         self.id, self.number, self.private, self.opened = record.id, record.number, record.private, record.opened
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
+        self.claimed: set[StreamKey] = set()  # by any of them, those that have left among them
         self.credit = Credit(self.spec.ordering.capacity)
         core.divide(share.is_over)
         self.share = share
@@ -106,6 +107,7 @@ class LiveSession:
                 raise taken(monitor.name)
             monitor.outbox.drop(WireError("replaced", "a newer connection of this process took over", fatal=True))
         monitor.attach(wanted, outbox, streams)
+        self.claimed.update(streams)
         self.core.bypass(monitor.name, monitor.bypasses)
         if wanted.verdicts:
             self.ledger.follow_verdicts()
@@ -271,6 +273,7 @@ class LiveSession:
         for name, known in restored.monitors.items():
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering)
             monitor.lost, monitor.left = known.lost, known.left
+            self.claimed.update(known.streams)
             if known.attached:
                 monitor.attached, monitor.streams, monitor.clock = True, known.streams, known.clock
                 monitor.bypasses = dict(known.bypasses)

@@ -17,6 +17,9 @@ from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.runs import run_of
 from oracle_server.sessions.standing import caveats
 
+_FEW = 10
+"""Streams that nobody observes any more, of which the properties tell."""
+
 
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
@@ -38,8 +41,21 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "closed_because": None,
         "trouble": None if trouble is None else f"nothing more of it can be kept: {trouble}",
         "monitors": list(_monitors(session)),
-        **judged_state(session.core, now, session.ledger.refused),
+        **_told_of_left(session, judged_state(session.core, now, session.ledger.refused)),
     }
+
+
+def _told_of_left(session: LiveSession, state: dict[str, Any]) -> dict[str, Any]:
+    """The state with the caveat that nobody observes any more what a property reads, where other monitors are there."""
+    there = {key for monitor in session.monitors.values() if monitor.attached for key in monitor.streams}
+    left = sorted(session.claimed - there) if there else []
+    lacks: dict[str, list[str]] = {}
+    for key in left[:_FEW]:
+        for index in session.core.plan.readers.get(key.name, ()):
+            lacks.setdefault(session.spec.properties[index].id, []).append(f"no monitor observes {key} any more")
+    for row in state["properties"] if lacks else ():
+        row["caveats"] += lacks.get(row["id"], ())
+    return state
 
 
 def present_state(session: LiveSession, now: int) -> dict[str, Any]:

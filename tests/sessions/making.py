@@ -85,8 +85,10 @@ def registry(
     return Registry(history, library, clock or Clock(), resume_within=10.0, shares=shares)
 
 
-def attach(session: str, spec: str, monitor: str = "m", instance: str = "i") -> Attach:
-    return Attach(type="attach", monitor=monitor, instance=instance, session=session, spec=spec)
+def attach(
+    session: str, spec: str, monitor: str = "m", instance: str = "i", streams: list[str] | None = None
+) -> Attach:
+    return Attach(type="attach", monitor=monitor, instance=instance, session=session, spec=spec, streams=streams)
 
 
 def event(seq: int, stream: str = "/go", *, ask: bool = False, **data: object) -> EventMessage:

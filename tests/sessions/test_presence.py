@@ -5,14 +5,17 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.presence import IDLE
 from oracle_server.sessions.registry import Registry
 from oracle_server.sessions.status import session_state
+from oracle_server.sessions.summary import brief
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
 from tests.processes import PATIENCE
@@ -27,6 +30,14 @@ id: guard
 close: after 20ms
 streams: [{topic: /go, signals: {speed: msg.speed}}]
 properties: [{id: stops, time: seconds, formula: '{speed > 3} -> eventually[:1h] {speed < 1}'}]
+"""
+PAIR = """
+id: pair
+streams: [{topic: /a, signals: {v: msg.v}}, {topic: /b, signals: {w: msg.w}}]
+properties:
+  - {id: about_a, formula: 'not {topic: /a, v > 3}'}
+  - {id: about_b, formula: 'not {topic: /b, w > 3}'}
+  - {id: about_both, formula: 'once {topic: /b} -> not {topic: /a, v > 3}'}
 """
 
 
@@ -43,7 +54,7 @@ async def closed(sessions: Registry, name: str) -> dict[str, object]:
     return await sessions.state(name) or {}
 
 
-def state(live: LiveSession) -> dict[str, object]:
+def state(live: LiveSession) -> dict[str, Any]:
     return session_state(live, live.clock.now())
 
 
@@ -165,3 +176,31 @@ async def test_a_name_whose_first_run_was_deleted_goes_on_with_its_last(tmp_path
     assert (await joined(sessions, "s", "j")).session == "s.run2"
     await sessions.attach(attach("s.run7", "guard"), Kept())  # a name of its own, whatever else there is
     assert (await joined(sessions, "s", "j")).session == "s.run7"
+
+
+async def test_what_nobody_observes_any_more_is_told_while_others_are_there(tmp_path: Path) -> None:
+    """A property about it holds on, since nothing breaks it: that is not known to be good."""
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, PAIR)
+    live, first = await sessions.attach(attach("s", "pair", monitor="one", streams=["/a"]), Kept())
+    _, second = await sessions.attach(attach("s", "pair", monitor="two", streams=["/b"]), Kept())
+    assert told(live) == {"about_a": [], "about_b": [], "about_both": []}
+    live.detach(second)
+    lacks = ["no monitor observes /b any more"]
+    assert told(live) == {"about_a": [], "about_b": lacks, "about_both": lacks}
+    assert brief(state(live))["caveats"] == lacks
+
+    await sessions.flush()
+    later = Registry(history, Library(None, tmp_path), Clock(), resume_within=PATIENCE)
+    await later.restore_all()
+    assert told(later.open["s"])["about_b"] == lacks, "over a restart, too"
+
+    _, third = await sessions.attach(attach("s", "pair", monitor="three"), Kept())
+    assert told(live) == {"about_a": [], "about_b": [], "about_both": []}
+    live.detach(first)
+    live.detach(third)
+    assert told(live) == {"about_a": [], "about_b": [], "about_both": []}, "nobody is there, which is told as such"
+
+
+def told(live: LiveSession) -> dict[str, list[str]]:
+    return {row["id"]: row["caveats"] for row in state(live)["properties"]}
