@@ -132,20 +132,20 @@ def status(folder: Path, *, as_json: bool, ready: bool = False) -> int:
 
 
 def _state(server: Running | None) -> str:
-    """`stopped`, `embedded`, `starting`, `ready`, `not ready`, or `running` where TLS prevents a request to it."""
+    """`stopped`, `embedded`, `starting`, `ready`, `not ready`, or `running`: it wants a client's certificate."""
     if server is None:
         return "stopped"
     if server.embedded:
         return "embedded"
     if server.url is None:
         return "starting"
-    if not server.url.startswith("http:"):
-        return "running"  # this process may not have the certificates to connect
-    try:
-        with httpx.Client(trust_env=False, timeout=5.0) as http:
+    try:  # whose address that is says the file that it has locked, and not its certificate
+        with httpx.Client(trust_env=False, timeout=5.0, verify=False) as http:  # noqa: S501 -- nothing is told it
             return "ready" if http.get(f"{server.url}/readyz").is_success else "not ready"
-    except httpx.HTTPError:
+    except httpx.TimeoutException:
         return "not ready"
+    except httpx.HTTPError:
+        return "not ready" if server.url.startswith("http:") else "running"
 
 
 def _adapters(folder: Path, adapter: Running) -> str:

@@ -21,7 +21,8 @@ from oracle_server.edge.tokens import add
 from tests.chaos.served import Served
 from tests.whole.client import make_attach
 from tests.whole.conftest import Starts, copy_specs
-from tests.whole.harness import PATIENCE, Server, failed, run
+from tests.whole.harness import PATIENCE, Server, failed, problem, run
+from tests.whole.test_disk import locked
 
 
 class Authority:
@@ -78,6 +79,21 @@ async def test_all_goes_over_tls(start: Starts, authority: Authority) -> None:
     wanted = {"spec": "single", "session": "s", "tls": authority.context()}
     with Link(server.url, "m1", **wanted) as link:  # type: ignore[arg-type]
         assert link.wait_attached(PATIENCE).session == "s"
+
+
+async def test_how_it_is_is_told_over_tls_too(start: Starts, authority: Authority) -> None:
+    server = start(**authority.settings)
+    status = ("status", "--data-dir", server.data, "--ready")
+    told = run(*status)
+    assert (told.returncode, told.stdout.split(": ")[1].split(" (")[0]) == (0, "ready")
+    with locked(server), httpx.Client(verify=authority.context(), trust_env=False, timeout=PATIENCE) as http:
+        wanted = {"spec": "single", "id": "s"}
+        problem(await asyncio.to_thread(http.post, f"{server.url}/api/v1/sessions", json=wanted), 503)
+        told = run(*status)
+        assert (told.returncode, told.stdout.split(": ")[1].split(" (")[0]) == (3, "not ready")
+    server.stop()
+    server = start(**authority.settings, ORACLE_TLS_CLIENT_CA=str(authority.ca))
+    assert ": running (" in run(*status).stdout, "it does not answer without a certificate"
 
 
 async def test_a_client_without_a_good_certificate_is_refused(start: Starts, authority: Authority) -> None:
