@@ -26,6 +26,9 @@ LOG = "server.log"
 NOT_RUNNING = 3
 """The exit status of `status` where no server runs."""
 _POLL_INTERVAL = 0.05
+_LONGEST = 80
+"""Bytes of the path of a folder in which a UNIX socket can be: with its own name it has 107 at the most."""
+_SHORT = "/tmp"  # noqa: S108 -- a folder of one's own is made in it
 _ON_THE_COMMAND_LINE = (
     "specs", "types", "host", "port", "legacy", "legacy_finals", "tls_cert", "tls_key", "tls_client_ca",
     "insecure", "foxglove", "foxglove_insecure", "forward", "origin", "unix",
@@ -175,8 +178,9 @@ def _open_log(log: Path) -> IO[bytes]:
 @contextlib.contextmanager
 def _readiness() -> Iterator[tuple[socket.socket, str]]:
     """A socket on which the server reports that it accepts work, and the socket's address."""
+    place = None if len(os.fsencode(tempfile.gettempdir())) <= _LONGEST else _SHORT
     with (
-        tempfile.TemporaryDirectory(prefix="oracle-") as folder,
+        tempfile.TemporaryDirectory(prefix="oracle-", dir=place) as folder,
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener,
     ):
         address = f"{folder}/notify"

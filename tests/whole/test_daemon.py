@@ -60,6 +60,14 @@ def test_it_starts_tells_how_it_is_and_stops(data: Path, specs: Path) -> None:
     assert running(data) is None
 
 
+def test_it_starts_whatever_the_folder_of_temporary_files_is_called(data: Path, specs: Path, tmp_path: Path) -> None:
+    """The socket on which it tells that it is ready has a path, which may not be long."""
+    long = tmp_path / ("long" * 25)
+    long.mkdir()
+    start(data, specs, TMPDIR=str(long))
+    assert run("stop", "--data-dir", data).returncode == 0
+
+
 def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
     """Every option that `start` shares with `serve` reaches the server that it starts."""
     shared = {*signature(serving.serve).parameters} & {*signature(serving.start).parameters} & {*Settings.model_fields}
