@@ -8,8 +8,9 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
+from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, StrictStr, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictStr, ValidationError
 
 from oracle_server.core.errors import Finding, SpecError
 from oracle_server.process.settings import SettingsError
@@ -22,6 +23,14 @@ _ENCODED = "whsec_"
 """What secrets begin with that are written in base64, as Standard Webhooks have them."""
 
 
+def _reachable(url: str) -> str:
+    """An address with a host and, if any, a port that there can be. Raises ValueError for any other."""
+    parts = urlsplit(url)
+    if not parts.hostname or parts.port == 0:  # a port beyond all others raises by itself
+        raise ValueError
+    return url
+
+
 class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -32,7 +41,7 @@ class _Secret(_Model):
 
 
 class _Receiver(_Model):
-    url: Annotated[StrictStr, Field(pattern=r"^https?://[^/@\s]+(/\S*)?$")]
+    url: Annotated[StrictStr, Field(pattern=r"^https?://[^/@\s]+(/\S*)?$"), AfterValidator(_reachable)]
     what: Annotated[list[What], Field(min_length=1)] = ["violation"]
     secret: _Secret
 
