@@ -42,7 +42,7 @@ class Origins:
         name = _name(host) or ""
         known = _plain(name) in self._hosts or _plain(name) == _plain(own_address)
         if not name or not known:  # DNS rebinding needs a name, not an address
-            return 421, f"this server does not answer for the host '{name}'"
+            return 421, f"this server does not answer for the host '{name}'; ORACLE_ALLOWED_HOSTS names further ones"
         if origin is not None and _location(origin) != host.lower():
             return 403, f"pages of another origin may not use this server{_PROXY}"
         return None

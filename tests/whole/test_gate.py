@@ -39,6 +39,7 @@ async def test_foreign_hosts_and_origins_are_refused(server: Server) -> None:
             problem(server.http.get(path, headers=headers), status)
         found = problem(server.http.put("/api/v1/specs/foreign", content="id: foreign", headers=headers), status)
         assert ("a proxy between must pass on the `Host`" in found["detail"]) == (status == 403)
+        assert ("ORACLE_ALLOWED_HOSTS names further ones" in found["detail"]) == (status == 421)
     problem(server.http.get("/api/v1/specs/foreign"), 404)
 
 
