@@ -18,7 +18,7 @@ export function chartView(id, n) {
   async function refresh(state) {
     const orders = [...new Set(state.properties.map((each) => each.order))];
     const properties = [...new Set(state.properties.map((each) => each.id))];
-    if (history.isDue(JSON.stringify([n, state.counters, state.revising?.passes, state.properties.map((each) => each.outcome)]))) {
+    if (history.isDue(JSON.stringify([n, state.trouble, state.counters, state.revising?.passes, state.properties.map((each) => each.outcome)]))) {
       const requested = n;
       const found = await around(id, requested, properties.length);
       history.wasRead();

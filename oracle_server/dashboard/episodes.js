@@ -17,8 +17,8 @@ export function episodesOf(id) {
 
   /** Read them where the session's state has changed; returns them. */
   async function refresh(state) {
-    const { properties, revising, status } = state;
-    if (!history.isDue(JSON.stringify([status, revising?.passes, properties.map((each) => [each.violations, each.outcome])]))) return found;
+    const { properties, revising, status, trouble } = state;
+    if (!history.isDue(JSON.stringify([status, trouble, revising?.passes, properties.map((each) => [each.violations, each.outcome])]))) return found;
     const [open, newest, oldest] = await Promise.all([
       items(of(id, "episodes"), { open: true, limit: OPEN }),
       items(of(id, "episodes"), { order: "desc", limit: NEWEST }),

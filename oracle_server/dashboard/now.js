@@ -29,7 +29,7 @@ export function nowView(id, visit) {
     place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, status, live, gone, String(now)], () => [
       ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, { troubled, trouble, doubts }, last ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
+      open.length ? null : calm(standing, { troubled, trouble, doubts }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
       last ? card(last, clock, now) : null,
     ]);
   }

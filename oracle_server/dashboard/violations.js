@@ -16,12 +16,12 @@ export function violationsView(id, again) {
   let [limit, latest] = [PAGE, null];
 
   async function refresh(state) {
-    if (history.isDue(JSON.stringify([limit, state.revising?.passes, state.properties.map((each) => each.violations)]))) {
+    if (history.isDue(JSON.stringify([limit, state.trouble, state.revising?.passes, state.properties.map((each) => each.violations)]))) {
       latest = await read();
       history.wasRead();
     }
     const counted = state.properties.some((each) => each.violations > 0);
-    list.show({ ...latest, clock: state.clock, counted }, (shown) => listed(shown, () => {
+    list.show({ ...latest, clock: state.clock, counted, trouble: state.trouble }, (shown) => listed(shown, () => {
       limit = Math.min(MOST, 2 * limit);
       again();
     }));
@@ -37,8 +37,9 @@ export function violationsView(id, again) {
     }
   }
 
-  function listed({ items, more, cut, clock, counted }, older) {
-    if (!items.length) return h("p", { class: "hint" }, cut ? `Of the newest ${MOST} none stands.` : counted ? "Those that there were are kept no more." : "None.");
+  function listed({ items, more, cut, clock, counted, trouble }, older) {
+    const none = cut ? `Of the newest ${MOST} none stands.` : !counted ? "None." : trouble ? "None that is kept." : "Those that there were are kept no more.";
+    if (!items.length) return h("p", { class: "hint" }, none);
     return [
       h("ol", { class: "violations" }, items.map((each) => entry(each, clock))),
       more ? h("button", { onclick: older }, "Older ones") : null,

@@ -11,6 +11,7 @@ from playwright.async_api import Page, expect
 from tests.whole.client import BASE, attached, make_clock, make_event, make_events
 from tests.whole.conftest import Starts
 from tests.whole.harness import Server
+from tests.whole.test_disk import locked
 from tests.whole.test_recordings import judged, log
 
 BOTH = """
@@ -195,3 +196,23 @@ async def test_sessions_whose_episodes_are_gone_are_not_called_alike(start: Star
     await page.goto(f"{server.url}/#/compare/sound/sound")
     await expect(compared).to_contain_text("No episode differs")
     await expect(compared.locator(".complaint")).to_have_count(0)
+
+
+async def test_what_can_not_be_kept_yet_is_not_called_kept_no_more(start: Starts, page: Page) -> None:
+    """And it is read once it is kept, though nothing else has changed by then."""
+    server, asked = start(), list[str]()
+    page.on("request", lambda sent: asked.append(sent.url) if "/s/violations" in sent.url else None)
+    violations = page.get_by_role("region", name="violations")
+    async with attached(server, session="s", spec="single") as monitor:
+        with locked(server):
+            await monitor.send(make_event(1, data={"v": 99}))
+            await page.goto(f"{server.url}/#/sessions/s")
+            await expect(page.get_by_text("nothing of it is judged while the history can't be written")).to_be_visible()
+            asked.clear()
+            await violations.scroll_into_view_if_needed()
+            await expect(violations).to_contain_text("None that is kept.")
+            await expect(page.locator(".now .card")).not_to_contain_text("kept no more")
+            while len(asked) < 9:  # so often the page looks whether it is there by now
+                await page.wait_for_event("request", lambda sent: "/s/violations" in sent.url)
+        await expect(violations.locator("li")).to_have_count(1)
+        await expect(page.locator(".now .card.open")).to_contain_text("fails")
