@@ -18,6 +18,8 @@ TOKEN_FILE = "tokens.json"  # noqa: S105 -- the name of a file
 
 POSTGRES = ("postgresql://", "postgres://")
 """How the URL of a history in PostgreSQL begins."""
+LONGEST_LEASE = 60.0
+"""Seconds."""
 
 
 def _data_dir() -> Path:
@@ -68,7 +70,7 @@ class Settings(BaseSettings):
     """Whether ROSMonitoring's monitors are told `true` and `false`, at which those that only log end."""
     history: Annotated[str, AfterValidator(_history)] = Field("sqlite", repr=False)
     """Where the history is kept: `sqlite`, in the data directory; `memory`, where it ends with the process; a URL."""
-    lease: Annotated[float, Field(ge=0.5, le=60)] = 3.0
+    lease: Annotated[float, Field(ge=0.5, le=LONGEST_LEASE)] = 3.0
     """Seconds for which a server has its sessions in PostgreSQL without an answer from there."""
     node: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,100}$")] | None = None
     """The server's name among those that share a history; default its host's name and its port."""

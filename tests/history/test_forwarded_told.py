@@ -142,6 +142,10 @@ async def test_of_a_robot_that_is_not_heard_any_more_that_is_told(
         monkeypatch.setattr(centre_module, "_HEARD_EVERY", 0.0)
         await brought(history, url, bringing)
         assert await stands() == (True, None)
+        postgres.do("UPDATE origins SET heard = clock_timestamp() + interval '1 hour'", url)
+        assert not (await stands())[0], "since the database's clock was set back it was not heard"
+        await brought(history, url, bringing)
+        assert await stands() == (True, None)
     bringing.close()
     await asyncio.to_thread(centre.close)
 

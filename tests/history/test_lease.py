@@ -11,9 +11,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import structlog
 
 from oracle_server.core.errors import HistoryError
-from oracle_server.history.postgres import store
+from oracle_server.history.postgres import leases, store
 from oracle_server.history.postgres.history import PostgresHistory
 from tests.history.making import add, opened, step
 from tests.history.test_postgres import begun, until
@@ -132,3 +133,22 @@ async def test_a_server_ends_where_the_database_has_lost_what_it_had_committed(p
     history.append(1, [step(3)], lambda: None)
     await asyncio.to_thread(history.close)
     assert postgres.do("SELECT position FROM steps", url) == [(1,)]
+
+
+async def test_a_lease_of_before_postgresqls_clock_was_set_back_is_waited_for_no_longer_than_any_lasts(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where its machine starts with a clock that is behind: a server that started waited for hours, in silence."""
+    monkeypatch.setattr(store, "LONGEST_LEASE", 1.0)
+    monkeypatch.setattr(leases, "LONGEST_LEASE", 1.0)
+    url = postgres.empty()
+    first = await begun(url)
+    first.open_session(opened())
+    await asyncio.to_thread(first.close)
+    postgres.do("UPDATE nodes SET until = clock_timestamp() + interval '1 hour'", url)
+    with structlog.testing.capture_logs() as logs:
+        async with asyncio.timeout(PATIENCE):
+            second = await begun(url)
+    assert any("PostgreSQL's clock was set back" in line["event"] for line in logs)
+    assert [session.id for session in await second.open_sessions()] == [opened().id]
+    await asyncio.to_thread(second.close)

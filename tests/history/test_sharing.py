@@ -8,8 +8,10 @@ import threading
 from collections.abc import AsyncIterator, Awaitable, Callable
 
 import psycopg
+import pytest
 import pytest_asyncio
 
+from oracle_server.history.postgres import leases
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.postgres.store import Node
 from oracle_server.history.records import Elsewhere
@@ -122,6 +124,24 @@ async def test_sessions_of_a_server_that_stands_still_are_one_others(begin: Begi
     assert a.fenced
     assert a.adrift
     assert await b.session("s1") is None, "what it had not committed is not there"
+
+
+async def test_sessions_of_a_lease_of_before_postgresqls_clock_was_set_back_are_taken_over(
+    begin: Begin, postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By that clock the lease would be one for as long as it was set back; that of who renews it is no such lease."""
+    monkeypatch.setattr(leases, "LONGEST_LEASE", 1.0)
+    a, b, c = await begin("a"), await begin("b"), await begin("c")
+    a.open_session(opened(1, "s1"))
+    c.open_session(opened(2, "s2"))
+    await a.flush()
+    await c.flush()
+    url = a.store._url
+    await asyncio.to_thread(a.close)
+    postgres.do("UPDATE nodes SET until = clock_timestamp() + interval '1 hour' WHERE node = 'a'", url)
+    assert await taken(b) == [1]
+    assert [session.id for session in await c.open_sessions()] == ["s2"]
+    assert await b.tended() == frozenset({1}), "and what is closed is deleted by a server that is there"
 
 
 async def test_a_server_that_stops_gives_its_sessions_at_once_and_begins_without_them(begin: Begin) -> None:

@@ -22,6 +22,7 @@ from oracle_server.history.origins import (
 )
 from oracle_server.history.port import Done
 from oracle_server.history.postgres import sharing
+from oracle_server.history.postgres.leases import Unrenewed
 from oracle_server.history.postgres.reader import Pool, PostgresReader, connect
 from oracle_server.history.postgres.store import END_WRITER, Node, PostgresStore, writer
 from oracle_server.history.readers import THREADS, Readers
@@ -68,6 +69,7 @@ class PostgresHistory(SqlHistory):
         self.store = PostgresStore(url, lease, end, node)
         self._node = node.name
         self._others = False
+        self._unrenewed = Unrenewed()
         self._pool = Pool(url, THREADS + LOOKUPS)
 
         def reader(threads: Readers, sorting: Readers) -> PostgresReader:
@@ -162,14 +164,19 @@ class PostgresHistory(SqlHistory):
     async def take_over(self, known: Collection[int]) -> list[SessionRecord]:
         """Take the sessions of nodes whose lease has run out; returns those that are this one's, and not `known`."""
         nodes = await self._lookups.all(tuple, sharing.NODES, (self._node,))
-        self._others = any(not over for _, _, over, _ in nodes)
-        gone = [(node, owner) for node, owner, over, has_some in nodes if over and has_some]
-        for node, owner in gone if self.store.steady else ():
+        gone, others = [], False
+        for node, owner, over, has_some, until in nodes:
+            is_left = self._unrenewed.ended(node, (owner, until)) and not over
+            others = others or not (over or is_left)
+            if is_left or (over and has_some):
+                gone.append((node, owner, until if is_left else None))
+        self._others = others
+        for node, owner, until in gone if self.store.steady else ():
             log.warning("another server's lease has run out: its sessions are taken over", node=node)
             await self._lookups.run(partial(_end_writer, name=writer(owner)))
             try:
                 async with asyncio.timeout(_SHARED_WITHIN):
-                    await self._share(sharing.TAKE_OVER, self._node, node)
+                    await self._share(sharing.TAKE_OVER, self._node, node, until)
             except TimeoutError:  # who waited on would not see that its own lease runs out
                 raise HistoryError("the database does not say whether the sessions are taken over") from None
         return [session for session in await self.open_sessions() if session.number not in known]

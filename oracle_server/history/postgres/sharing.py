@@ -58,14 +58,16 @@ FORWARDED_OPEN = (
 )
 """Its name at the robot, as far as that is known."""
 FORWARDED = """
-SELECT f.session, f.gaps, f.ended IS NOT NULL, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
+SELECT f.session, f.gaps, f.ended IS NOT NULL, CASE WHEN abs(extract(epoch FROM clock_timestamp() - o.heard)) > ?1
     THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END,
     CASE WHEN (to_jsonb(o)->>'behind')::json->>0 = o.writer THEN to_jsonb(o)->>'behind' END
 FROM forwarded f LEFT JOIN origins o ON o.origin = f.origin AND o.robot = f.robot
 WHERE f.session = ANY(?2::bigint[])
 """
 """Of sessions that robots forward: what is missing, whether nothing more will come of them, since when a robot is
-silent that is for some seconds, and what it has still to bring, where there is a column for that."""
+silent that is for some seconds, and what it has still to bring, where there is a column for that.
+
+What was heard so long after now was heard before the database's clock was set back."""
 MISSING = "SELECT gaps FROM forwarded WHERE session = ?"
 LEFT = """
 SELECT s.id FROM forwarded f JOIN sessions s ON s.number = f.session
@@ -73,19 +75,20 @@ WHERE f.ended IS NOT NULL AND s.closed IS NULL ORDER BY s.number
 """
 """Open sessions of which nothing more will come: the robot has deleted them."""
 NODES = (
-    "SELECT node, owner, until <= clock_timestamp(), EXISTS (SELECT 1 FROM owners o WHERE o.node = nodes.node) "
-    "FROM nodes WHERE node <> ?"
+    "SELECT node, owner, until <= clock_timestamp(), EXISTS (SELECT 1 FROM owners o WHERE o.node = nodes.node), "
+    "until::text FROM nodes WHERE node <> ?"
 )
-"""The other nodes: whether their lease has run out, and whether they have sessions."""
+"""The other nodes: whether their lease has run out, whether they have sessions, and until when the lease is."""
 TAKE_OVER = """
 WITH fenced AS (
-    UPDATE nodes SET owner = '', epoch = epoch + 1 WHERE node IN (
-        SELECT node FROM nodes WHERE node = ?2 AND until <= clock_timestamp() FOR UPDATE SKIP LOCKED
+    UPDATE nodes SET owner = '', epoch = epoch + 1, until = least(until, clock_timestamp()) WHERE node IN (
+        SELECT node FROM nodes WHERE node = ?2 AND (until <= clock_timestamp() OR until::text = ?3::text)
+        FOR UPDATE SKIP LOCKED
     ) RETURNING node
 )
 UPDATE owners SET node = ?1 WHERE node IN (SELECT node FROM fenced)
 """
-"""Take the sessions of a node whose lease has run out.
+"""Take the sessions of a node whose lease has run out, or is the one that it has not renewed for too long.
 
 Whoever writes as that node has its row locked. It is not waited for: it may stand still, and the next try is soon.
 """

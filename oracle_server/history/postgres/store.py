@@ -15,8 +15,10 @@ import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.postgres.connection import Connection
+from oracle_server.history.postgres.leases import Unrenewed
 from oracle_server.history.postgres.schema import prepare
 from oracle_server.history.sql.rows import Row
+from oracle_server.process.settings import LONGEST_LEASE
 
 T = TypeVar("T")
 PATIENCE = 10.0
@@ -31,10 +33,10 @@ INSERT INTO nodes (node, owner, epoch, until, batch, place, url)
 VALUES (?1, ?2, 1, clock_timestamp() + ?3 * interval '1 second', 0, ?4, ?5)
 ON CONFLICT (node) DO UPDATE SET owner = excluded.owner, epoch = nodes.epoch + 1, until = excluded.until,
     place = excluded.place, url = excluded.url
-WHERE nodes.until <= clock_timestamp()
+WHERE nodes.until <= clock_timestamp() OR nodes.until::text = ?6::text
 RETURNING epoch, batch
 """
-"""Become a node, where no other process is it."""
+"""Become a node, where no other process is it, or has a lease that it has not renewed for too long."""
 _CLAIM_AGAIN = """
 UPDATE nodes SET epoch = epoch + 1, until = clock_timestamp() + ? * interval '1 second'
 WHERE node = ? AND owner = ?
@@ -51,7 +53,10 @@ WHERE until < clock_timestamp() - interval '1 day' AND NOT EXISTS (SELECT 1 FROM
 """
 """Nodes that will not come back; what stood still for so long finds no row, and ends."""
 _RELEASE = "UPDATE nodes SET until = clock_timestamp() WHERE node = ? AND owner = ? AND epoch = ?"
-_HOLDER = "SELECT owner, epoch, until::text, place, until <= clock_timestamp() FROM nodes WHERE node = ?"
+_HOLDER = (
+    "SELECT owner, epoch, until::text, place, until <= clock_timestamp(), "
+    "until > clock_timestamp() + ? * interval '1 second' FROM nodes WHERE node = ?"
+)
 _TAKEN_OVER = "another server has taken over this server's sessions; this one ends"
 _LOST = (
     "PostgreSQL has not any more what this server had committed, as where a standby takes over that lagged, or a "
@@ -275,9 +280,15 @@ class PostgresStore:
         """Become the node, once the process that was it is known to have ended. Raises `HistoryError`."""
         name, url = self._node
         database.execute(_FORGET)
-        known = holder = database.execute(_HOLDER, (name,)).fetchone()
-        renewals = 0
-        while holder is not None and not holder[-1]:
+        known = holder = self._holder(database)
+        renewals, unrenewed = 0, Unrenewed()
+        if holder is not None and holder[-1]:
+            log.warning(
+                f"the last server's lease is longer than any lasts: PostgreSQL's clock was set back; it counts no more "
+                f"once nobody has renewed it for {LONGEST_LEASE:.0f} s",
+                node=name, until=holder[2],
+            )  # fmt: skip
+        while holder is not None and not (holder[-2] or unrenewed.ended(name, holder[:3])):
             if holder[:3] != known[:3]:
                 known, renewals = holder, renewals + 1
             if renewals > 1:  # one may be of a server that was killed: what it had begun is committed behind it
@@ -286,15 +297,18 @@ class PostgresStore:
                     "by ORACLE_NODE"
                 )
             time.sleep(_POLL)
-            holder = database.execute(_HOLDER, (name,)).fetchone()
+            holder = self._holder(database)
         if holder is not None:
             database.execute(END_WRITER, (writer(holder[0]),))
-        values = (name, self._owner, self._lease, self._place, url)
+        values = (name, self._owner, self._lease, self._place, url, holder and holder[2])
         found = database.execute(_CLAIM, values).fetchone()
         if found is None:
             raise HistoryError(f"another server has become the node '{name}' of this database; name this one otherwise")
         self._epoch, self._batch = found
         self._held = time.monotonic()
+
+    def _holder(self, database: Connection) -> Any:
+        return database.execute(_HOLDER, (LONGEST_LEASE, self._node.name)).fetchone()
 
 
 def writer(owner: str) -> str:
