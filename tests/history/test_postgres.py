@@ -334,6 +334,37 @@ async def test_a_commit_that_hangs_is_made_once(postgres: Postgres, monkeypatch:
     await asyncio.to_thread(history.close)
 
 
+async def test_a_commit_that_an_administrator_cancels_is_not_told_before_a_standby_has_it(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PostgreSQL answers that it is committed, with a warning that a standby may not have it."""
+    url = postgres.empty()
+    history = await begun(url, 0.5)
+    history.open_session(opened())
+    await add(history, step(1))
+    monkeypatch.setattr(store, "PATIENCE", 1.0)
+    postgres.do("ALTER SYSTEM SET synchronous_standby_names = 'nobody'")
+    postgres.reload("synchronous_standby_names", "nobody")
+    heard: list[int] = []
+    history.append(1, [step(2)], lambda: heard.append(2))
+
+    def cancel() -> object:
+        postgres.do("SELECT pg_cancel_backend(pid) FROM pg_stat_activity WHERE wait_event = 'SyncRep'")
+        return heard or history.failure is not None
+
+    try:
+        await until(cancel)
+        assert heard == []
+    finally:
+        postgres.do("ALTER SYSTEM RESET synchronous_standby_names")
+        postgres.reload("synchronous_standby_names", "")
+    async with asyncio.timeout(PATIENCE):
+        await history.flush()
+    assert heard == [2]
+    assert await collected(history.steps(1, 0)) == [step(1), step(2)]
+    await asyncio.to_thread(history.close)
+
+
 async def test_what_is_deleted_makes_room(postgres: Postgres) -> None:
     """PostgreSQL's files do not become smaller: by them, more and more would be deleted."""
     history = await begun(postgres.empty())

@@ -81,6 +81,8 @@ class Connection:
         raw.adapters.register_dumper(bool, _Bool)
         raw.adapters.register_loader("text", _Loaded)
         self.raw = raw
+        self._warnings = warnings = list[str]()
+        raw.add_notice_handler(lambda told: _note(told, warnings))
         _watch.add(self)
 
     @property
@@ -121,8 +123,16 @@ class Connection:
             self._timed(insert)
 
     def commit(self) -> None:
-        """Commit. Raises `HistoryError`, also where the transaction had failed already: its end is none then."""
+        """Commit. Raises `HistoryError`, also where the transaction had failed already: its end is none then.
+
+        One that an administrator cancels while it waits for a standby is told as done, with a warning: that is no
+        answer.
+        """
+        self._warnings.clear()
         tag = self._timed(lambda: self.raw.execute(b"COMMIT").statusmessage)
+        if self._warnings:
+            self._severed = True
+            raise UnansweredError(f"PostgreSQL: {self._warnings[0]}")
         if tag != "COMMIT":
             raise HistoryError("the history's transaction had failed, and is not committed")
 
@@ -163,6 +173,11 @@ class Connection:
             raise
         finally:
             self._since = 0.0
+
+
+def _note(told: psycopg.errors.Diagnostic, warnings: list[str]) -> None:
+    if told.severity_nonlocalized == "WARNING":
+        warnings.append(told.message_primary or "a warning")
 
 
 @contextlib.contextmanager

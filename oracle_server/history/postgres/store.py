@@ -251,7 +251,9 @@ class PostgresStore:
         try:
             database.execute(END_WRITER, (writer(self._owner),))
             # it waits for what another connection of this server has begun: then it is known what was committed
+            database.execute("BEGIN")
             again = database.execute(_CLAIM_AGAIN, (self._lease, self._node.name, self._owner)).fetchone()
+            database.commit()  # behind that, on a standby too
             epoch, batch = again or self._fence(_TAKEN_OVER)
             if batch < self._batch:
                 self._fence(_LOST)
