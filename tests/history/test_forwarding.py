@@ -195,6 +195,12 @@ def test_who_has_the_older_version_is_told(version: int, said: str, postgres: Po
         centre_module.Centre(url, ORIGIN, "one")
 
 
+def test_nothing_is_brought_where_the_centre_could_lose_it(postgres: Postgres) -> None:
+    """As where a robot's role does not wait for commits: the robot would delete what a power cut takes there."""
+    with pytest.raises(HistoryError, match="PostgreSQL has synchronous_commit = off"):
+        centre_module.Centre(f"{postgres.empty()}%20-c%20synchronous_commit%3Doff", ORIGIN, "one")
+
+
 async def test_what_a_centre_of_an_older_format_has_is_gone_on_with(postgres: Postgres, tmp_path: Path) -> None:
     url, bringing = postgres.empty(), Bringing()
     async with robot(tmp_path) as history:

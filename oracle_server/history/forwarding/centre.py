@@ -20,7 +20,7 @@ from oracle_server.history.copying.tables import Table
 from oracle_server.history.forwarding.robot import BY_NAME, Change, Chunk, Known, Page
 from oracle_server.history.origins import forwarded_name, missing_text
 from oracle_server.history.postgres.connection import Connection
-from oracle_server.history.postgres.schema import TELLS_BEHIND, prepare
+from oracle_server.history.postgres.schema import TELLS_BEHIND, check, prepare
 from oracle_server.history.sql.rows import Row, text
 from oracle_server.history.sql.schema import VERSION, FormatError
 from oracle_server.history.sql.statements import upsert
@@ -131,6 +131,7 @@ class Centre:
         self.is_behind = False
         self._database = Connection(url, f"oracle-server forwarding {origin}", _PATIENCE)
         try:
+            check(self._database)  # what is brought may be deleted at the robot
             self._demand_format()
             values = (origin, robot, self._writer)
             self.seq: int = self._database.execute(_CLAIM, values).fetchone()[0]
