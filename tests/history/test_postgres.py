@@ -71,6 +71,17 @@ def test_it_is_told_whether_a_standby_has_what_is_committed(postgres: Postgres) 
     ]
 
 
+def test_options_are_those_of_the_environment_where_the_url_has_none(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As libpq has it: two fleets that take their schemas from there were one, in the first schema of all."""
+    monkeypatch.setenv("PGOPTIONS", f"-c search_path={postgres.part()}")
+    PostgresHistory(postgres.url()).close()
+    assert postgres.do("SELECT to_regclass('format') IS NOT NULL") == [(True,)]
+    monkeypatch.delenv("PGOPTIONS")
+    assert postgres.do("SELECT to_regclass('format') IS NOT NULL") == [(False,)]
+
+
 def test_a_server_that_is_not_there_is_told_in_one_line() -> None:
     with pytest.raises(HistoryError) as raised:
         PostgresHistory("postgresql://nobody@/nothing?host=/nowhere")

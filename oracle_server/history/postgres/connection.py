@@ -70,7 +70,7 @@ class Connection:
         self._patience, self._since = patience, 0.0
         self._severing, self._severed = threading.Lock(), False
         given = conninfo_to_dict(url)
-        options = f"{given.get('options') or ''} {_SESSION}".strip()
+        options = f"{given.get('options') or os.environ.get('PGOPTIONS') or ''} {_SESSION}".strip()
         with _told():
             raw = psycopg.connect(
                 **(_OF_THE_NETWORK | dict(given) | {"application_name": name, "options": options}),
