@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import structlog
 
 from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.history.postgres.connection import Connection
 from oracle_server.history.postgres.dialect import tables
 from oracle_server.history.sql.schema import VERSION, FormatError
+from oracle_server.history.sql.statements import OF_A_SESSION
 
 FIRST = 10
 """The first format that was ever kept in PostgreSQL."""
@@ -74,12 +77,22 @@ TELLS_BEHIND = (
     "WHERE attrelid = to_regclass('origins') AND attname = 'behind' AND NOT attisdropped)"
 )
 """Whether the centre was used by a version that has it: robots of older ones write the table, too."""
-_SHARED = "SELECT to_regclass('owners') IS NOT NULL"
+_MISSING = "SELECT name FROM unnest(?::text[]) AS name WHERE to_regclass(name) IS NULL ORDER BY name"
+_ADDED = "forgotten"
+"""The table that an older format does not have."""
 _SHARE = """
-INSERT INTO owners (session, id, node) SELECT number, id, 'server' FROM sessions WHERE closed IS NULL
+INSERT INTO owners (session, id, node)
+SELECT number, id, 'server' FROM sessions
+WHERE closed IS NULL AND id NOT LIKE '%@%' AND NOT EXISTS (SELECT 1 FROM owners WHERE session = number)
 ON CONFLICT DO NOTHING
 """
-"""What a server had that held its database alone is its own, by the name that each of these had."""
+"""What a server had that held its database alone is its own, by the name that each of these had; so is what nobody has,
+since only a part of a backup was put back. What robots forward is theirs."""
+_LEFT = """
+INSERT INTO nodes (node, owner, epoch, until, batch, place)
+SELECT DISTINCT node, '', 1, clock_timestamp(), 0, 'not known' FROM owners ON CONFLICT DO NOTHING
+"""
+"""Else nobody would take over from them."""
 COUNT_ON = """
 SELECT setval('session_numbers', last.number)
 FROM (
@@ -100,15 +113,16 @@ def prepare(database: Connection) -> None:
     database.execute("BEGIN")
     try:
         database.execute("SELECT pg_advisory_xact_lock(?)", (_LOCK,))  # two servers may begin at once
-        (shared,) = database.execute(_SHARED).fetchone()
+        shared = not _missing(database, ["format", "nodes", "owners"])
         found = database.execute("SELECT version FROM format").fetchone() if shared else None
+        _demand_all(database, found)
         version = VERSION
         if found is None or found[0] != VERSION:  # else nothing is locked that servers write which run
             database.execute(_OWN)
             version = _migrated(database)
             database.execute(_FORWARDED)
-        if not shared:
-            database.execute(_SHARE)
+        database.execute(_SHARE)
+        database.execute(_LEFT)
         if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:
             database.execute(_FORWARDED)
         if not database.execute(TELLS_BEHIND).fetchone()[0]:
@@ -120,6 +134,21 @@ def prepare(database: Connection) -> None:
         raise
     if version != VERSION:
         log.info("the history was migrated to a newer format", was=version, now=VERSION)
+
+
+def _missing(database: Connection, tables: Iterable[str]) -> list[str]:
+    return [name for (name,) in database.execute(_MISSING, (f"{{{','.join(tables)}}}",)).fetchall()]
+
+
+def _demand_all(database: Connection, found: tuple[int] | None) -> None:
+    """Raise `HistoryError` where there is a history of which some tables are missing: empty ones would tell nothing."""
+    names = {name for name, _ in OF_A_SESSION} - ({_ADDED} if found is None or found[0] < VERSION else set())
+    missing = _missing(database, names)
+    if "sessions" not in missing and missing:
+        raise HistoryError(
+            f"of the history's tables these are missing: {', '.join(missing)}; put all of its backup back, or make an "
+            "empty database"
+        )
 
 
 def _tell_behind(database: Connection) -> None:
