@@ -1,4 +1,4 @@
-"""A database in PostgreSQL of which a part was put back."""
+"""A database in PostgreSQL of which a part was put back, or that has got another schema."""
 
 from __future__ import annotations
 
@@ -50,3 +50,15 @@ async def test_a_history_without_some_of_its_tables_is_refused(lost: str, postgr
     postgres.do(f"DROP TABLE {lost}", url)
     with pytest.raises(HistoryError, match=f"of the history's tables these are missing: {lost}; put all"):
         PostgresHistory(url)
+
+
+async def test_a_schema_that_is_made_later_hides_no_history(postgres: Postgres) -> None:
+    """As one by the role's name, which is first in PostgreSQL's `search_path`: new tables were made there, empty."""
+    schema, later = postgres.part(), postgres.part()
+    await kept(postgres.url(schema))
+    postgres.do("DROP TABLE forgotten; UPDATE format SET version = 11", postgres.url(schema))
+    history = await begun(postgres.url(f"{later},{schema}"))
+    assert [session.id for session in await history.open_sessions()] == [opened().id]
+    await add(history, step(2))
+    await asyncio.to_thread(history.close)
+    assert postgres.do(f"SELECT count(*) FROM pg_tables WHERE schemaname = '{later}'") == [(0,)]

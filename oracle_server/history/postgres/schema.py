@@ -77,6 +77,11 @@ TELLS_BEHIND = (
     "WHERE attrelid = to_regclass('origins') AND attname = 'behind' AND NOT attisdropped)"
 )
 """Whether the centre was used by a version that has it: robots of older ones write the table, too."""
+_THERE = """
+SELECT set_config('search_path', relnamespace::regnamespace || ', ' || current_setting('search_path'), true)
+FROM pg_class WHERE oid = to_regclass('sessions')
+"""
+"""New tables are made where the others are: a schema before that one may have been made later."""
 _MISSING = "SELECT name FROM unnest(?::text[]) AS name WHERE to_regclass(name) IS NULL ORDER BY name"
 _ADDED = "forgotten"
 """The table that an older format does not have."""
@@ -113,6 +118,7 @@ def prepare(database: Connection) -> None:
     database.execute("BEGIN")
     try:
         database.execute("SELECT pg_advisory_xact_lock(?)", (_LOCK,))  # two servers may begin at once
+        database.execute(_THERE)
         shared = not _missing(database, ["format", "nodes", "owners"])
         found = database.execute("SELECT version FROM format").fetchone() if shared else None
         _demand_all(database, found)
