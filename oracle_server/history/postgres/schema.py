@@ -184,7 +184,10 @@ def _migrated(database: Connection) -> int:
 
 
 def check(database: Connection) -> None:
-    """Raise `HistoryError` where a commit may be lost, or texts may be changed; log whether a standby has it too."""
+    """Raise `HistoryError` where a commit may be lost, or texts may be changed; log whether a standby has it too.
+
+    A pooler that lies between is warned of: it has numbers of its own for connections.
+    """
     for name in _SETTINGS:
         (value,) = database.execute("SELECT current_setting(?)", (name,)).fetchone()
         if value == "off":
@@ -195,6 +198,12 @@ def check(database: Connection) -> None:
     (encoding,) = database.execute("SELECT current_setting('server_encoding')").fetchone()
     if encoding != "UTF8":
         raise HistoryError(f"the database has the encoding {encoding}: make one with ENCODING 'UTF8'")
+    (pid,) = database.execute("SELECT pg_backend_pid()").fetchone()
+    if pid != database.raw.info.backend_pid:
+        log.warning(
+            "between this server and PostgreSQL is a pooler: connect to PostgreSQL itself, or have it keep a "
+            "connection for each client (pool_mode = session)"
+        )
     (waits,) = database.execute("SELECT current_setting('synchronous_commit')").fetchone()
     (names,) = database.execute("SELECT current_setting('synchronous_standby_names')").fetchone()
     (standbys,) = database.execute(_STANDBYS).fetchone()
