@@ -195,6 +195,19 @@ def test_who_has_the_older_version_is_told(version: int, said: str, postgres: Po
         centre_module.Centre(url, ORIGIN, "one")
 
 
+async def test_a_centre_of_an_older_version_of_this_format_takes_what_is_brought_once_its_server_is_newer(
+    postgres: Postgres,
+) -> None:
+    url = postgres.empty()
+    centre_module.Centre(url, ORIGIN, "one").close()
+    postgres.do("ALTER TABLE forwarded DROP COLUMN opened, DROP COLUMN ended", url)
+    with pytest.raises(HistoryError, match="made by an older version: start the centre's server by the version that"):
+        centre_module.Centre(url, ORIGIN, "one")
+    centre = PostgresHistory(url)
+    await asyncio.to_thread(centre.close)
+    centre_module.Centre(url, ORIGIN, "one").close()
+
+
 def test_nothing_is_brought_where_the_centre_could_lose_it(postgres: Postgres) -> None:
     """As where a robot's role does not wait for commits: the robot would delete what a power cut takes there."""
     with pytest.raises(HistoryError, match="PostgreSQL has synchronous_commit = off"):

@@ -20,7 +20,7 @@ from oracle_server.history.copying.tables import Table
 from oracle_server.history.forwarding.robot import BY_NAME, Change, Chunk, Known, Page
 from oracle_server.history.origins import forwarded_name, missing_text
 from oracle_server.history.postgres.connection import Connection
-from oracle_server.history.postgres.schema import TELLS_BEHIND, check, prepare
+from oracle_server.history.postgres.schema import TAKES_FORWARDED, TELLS_BEHIND, check, prepare
 from oracle_server.history.sql.rows import Row, text
 from oracle_server.history.sql.schema import VERSION, FormatError
 from oracle_server.history.sql.statements import upsert
@@ -221,6 +221,11 @@ class Centre:
             raise HistoryError(
                 f"the centre's history has format {version}, and this server's has {VERSION}: start the {older}'s "
                 f"server by the version that the {newer} has"
+            )
+        if not self._database.execute(TAKES_FORWARDED).fetchone()[0]:
+            raise HistoryError(
+                "the centre's history was made by an older version: start the centre's server by the version that the "
+                "robot has"
             )
 
     def _format(self) -> int | None:

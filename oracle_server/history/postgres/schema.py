@@ -70,6 +70,11 @@ ALTER TABLE forwarded ADD COLUMN IF NOT EXISTS ended BIGINT;
 UPDATE forwarded SET opened = s.opened FROM sessions s WHERE s.number = session AND forwarded.opened IS NULL;
 """
 """Of sessions that robots forward: each chunk is one transaction with how far it is."""
+TAKES_FORWARDED = """
+SELECT count(*) = 4 FROM pg_attribute
+WHERE attrelid = to_regclass('forwarded') AND attname IN ('own', 'continued', 'opened', 'ended') AND NOT attisdropped
+"""
+"""Whether that table is as it is now: a version before this one made it otherwise in the same format."""
 _BEHIND = "ALTER TABLE origins ADD COLUMN behind TEXT"
 """JSON: who wrote it, the rows that were still to come then, and when the oldest step of them was judged (ns)."""
 TELLS_BEHIND = (
@@ -129,7 +134,7 @@ def prepare(database: Connection) -> None:
             database.execute(_FORWARDED)
         database.execute(_SHARE)
         database.execute(_LEFT)
-        if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:
+        if not database.execute(TAKES_FORWARDED).fetchone()[0]:
             database.execute(_FORWARDED)
         if not database.execute(TELLS_BEHIND).fetchone()[0]:
             _tell_behind(database)
