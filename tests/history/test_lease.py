@@ -116,8 +116,14 @@ def test_a_lease_of_which_most_is_over_once_it_is_renewed_is_renewed_at_once(pos
     node.close()
 
 
-async def test_a_server_ends_where_the_database_has_lost_what_it_had_committed(postgres: Postgres) -> None:
-    """As a standby has it that lagged: what follows would be kept behind a gap of which nobody is told."""
+@pytest.mark.parametrize("connected", [False, True])
+async def test_a_server_ends_where_the_database_has_lost_what_it_had_committed(
+    connected: bool, postgres: Postgres
+) -> None:
+    """As a standby has it that lagged, or a backup that is put back while the server is `connected`.
+
+    What follows would be kept behind a gap of which nobody is told.
+    """
     url, ended = postgres.empty(), threading.Event()
     history = await begun(url, 0.5, ended.set)
     history.open_session(opened())
@@ -126,7 +132,8 @@ async def test_a_server_ends_where_the_database_has_lost_what_it_had_committed(p
     await add(history, step(2))
     postgres.do("DELETE FROM steps WHERE position = 2", url)
     postgres.do(f"UPDATE nodes SET batch = {batch}", url)
-    await asyncio.to_thread(postgres.kill_backends)
+    if not connected:
+        await asyncio.to_thread(postgres.kill_backends)
     assert await asyncio.to_thread(ended.wait, PATIENCE)
     assert history.fenced is not None
     assert "PostgreSQL has not any more what this server had committed" in history.fenced

@@ -45,8 +45,9 @@ RETURNING epoch, batch
 """Go on by another connection, unless another node has taken over: then there is no such owner."""
 _HOLD = """
 UPDATE nodes SET until = clock_timestamp() + ? * interval '1 second', batch = ?
-WHERE node = ? AND owner = ? AND epoch = ?
+WHERE node = ? AND owner = ? AND epoch = ? AND batch = ?
 """
+_OWNS = "SELECT 1 FROM nodes WHERE node = ? AND owner = ?"
 _FORGET = """
 DELETE FROM nodes
 WHERE until < clock_timestamp() - interval '1 day' AND NOT EXISTS (SELECT 1 FROM owners WHERE owners.node = nodes.node)
@@ -269,9 +270,11 @@ class PostgresStore:
         database.close()
 
     def _hold(self, database: Connection, batch: int) -> None:
-        held: Any = database.execute(_HOLD, (self._lease, batch, self._node.name, self._owner, self._epoch))
+        values = (self._lease, batch, self._node.name, self._owner, self._epoch, self._batch)
+        held: Any = database.execute(_HOLD, values)
         if held.rowcount != 1:
-            self._fence(_TAKEN_OVER)
+            owns = database.execute(_OWNS, (self._node.name, self._owner)).fetchone()
+            self._fence(_LOST if owns else _TAKEN_OVER)
 
     def _fence(self, why: str) -> Any:
         self.fenced = why
