@@ -11,7 +11,7 @@ import psycopg
 import pytest
 import pytest_asyncio
 
-from oracle_server.history.postgres import leases
+from oracle_server.history.postgres import history as history_module
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.postgres.store import Node
 from oracle_server.history.records import Elsewhere
@@ -126,11 +126,25 @@ async def test_sessions_of_a_server_that_stands_still_are_one_others(begin: Begi
     assert await b.session("s1") is None, "what it had not committed is not there"
 
 
+async def test_nobody_takes_over_where_postgresqls_clock_is_set_forward(begin: Begin, postgres: Postgres) -> None:
+    """By that clock all leases have run out: servers took each other's sessions, and all but one ended."""
+    a, b = await begin("a"), await begin("b")
+    a.open_session(opened(1, "s1"))
+    await a.flush()
+    url, end = a.store._url, asyncio.get_running_loop().time() + 4 * LEASE
+    while asyncio.get_running_loop().time() < end:
+        postgres.do("UPDATE nodes SET until = until - interval '1 hour' WHERE until > now()", url)
+        assert await b.take_over([]) == []
+    await add(a, step(1))
+    await asyncio.to_thread(a.close)
+    assert await taken(b) == [1]
+
+
 async def test_sessions_of_a_lease_of_before_postgresqls_clock_was_set_back_are_taken_over(
     begin: Begin, postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By that clock the lease would be one for as long as it was set back; that of who renews it is no such lease."""
-    monkeypatch.setattr(leases, "LONGEST_LEASE", 1.0)
+    monkeypatch.setattr(history_module, "LONGEST_LEASE", 1.0)
     a, b, c = await begin("a"), await begin("b"), await begin("c")
     a.open_session(opened(1, "s1"))
     c.open_session(opened(2, "s2"))

@@ -22,7 +22,7 @@ SELECT current_database() || ' ' || current_schema() || ' '
 """
 """A server that uses it writes its lease, by which each of its transactions can be told."""
 _OWNER = """
-INSERT INTO nodes (node, owner, epoch, until, batch, place) VALUES ('copy', '', 1, clock_timestamp(), 0, 'a copy')
+INSERT INTO nodes (node, owner, epoch, until, batch, place) VALUES ('copy', '', 1, '-infinity', 0, 'a copy')
 ON CONFLICT DO NOTHING
 """
 _OWNED = """

@@ -35,6 +35,7 @@ from oracle_server.history.sql.rows import Row, session_of
 from oracle_server.history.sql.schema import SESSION_COLUMNS
 from oracle_server.history.sql.standing import stands
 from oracle_server.history.sql.troubles import noted
+from oracle_server.process.settings import LONGEST_LEASE
 
 LEASE = 3.0
 """Seconds for which a server is a node of its database without saying so again."""
@@ -46,6 +47,10 @@ _SILENT = 180.0
 """Seconds for which nothing is heard of a robot before its monitors do not count as there."""
 _TRIES = 100
 """Numbers that may have been given already by who did not ask for one."""
+_MOST = 0.9
+"""Of a lease: for so long nobody must have seen another node renew its own. There are ten looks in one."""
+_RELEASED = "-infinity"
+"""Until when a node has a lease that gave its sessions away."""
 _NOBODY = 0
 """The number of no session."""
 
@@ -69,7 +74,7 @@ class PostgresHistory(SqlHistory):
         self.store = PostgresStore(url, lease, end, node)
         self._node = node.name
         self._others = False
-        self._unrenewed = Unrenewed()
+        self._unrenewed, self._unseen = Unrenewed(), lease * _MOST
         self._pool = Pool(url, THREADS + LOOKUPS)
 
         def reader(threads: Readers, sorting: Readers) -> PostgresReader:
@@ -166,9 +171,10 @@ class PostgresHistory(SqlHistory):
         nodes = await self._lookups.all(tuple, sharing.NODES, (self._node,))
         gone, others = [], False
         for node, owner, over, has_some, until in nodes:
-            is_left = self._unrenewed.ended(node, (owner, until)) and not over
+            seconds = self._unrenewed.seconds(node, (owner, until))
+            is_left = not over and seconds > LONGEST_LEASE
             others = others or not (over or is_left)
-            if is_left or (over and has_some):
+            if is_left or (over and has_some and (seconds >= self._unseen or until == _RELEASED)):
                 gone.append((node, owner, until if is_left else None))
         self._others = others
         for node, owner, until in gone if self.store.steady else ():

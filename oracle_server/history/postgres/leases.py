@@ -1,4 +1,4 @@
-"""Leases that PostgreSQL's clock does not end: it was set back, and what was written before lies far ahead of it."""
+"""Leases by this process's own clock: PostgreSQL's may be set back or forward, and end none of them, or all."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ class Unrenewed:
     def __init__(self) -> None:
         self._seen: dict[str, tuple[object, float]] = {}
 
-    def ended(self, node: str, lease: object) -> bool:
-        """Whether a node's lease, which stands so now, was seen to stand so for longer than any lease lasts."""
+    def seconds(self, node: str, lease: object) -> float:
+        """For how long a node's lease, which stands so now, was seen to stand so."""
         now = time.monotonic()
         was, since = self._seen.get(node, (None, now))
         if was != lease:
             since = now
         self._seen[node] = lease, since
-        return now - since > LONGEST_LEASE
+        return now - since
+
+    def ended(self, node: str, lease: object) -> bool:
+        """Whether it was seen to stand so for longer than any lease lasts."""
+        return self.seconds(node, lease) > LONGEST_LEASE

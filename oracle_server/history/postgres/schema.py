@@ -100,7 +100,7 @@ ON CONFLICT DO NOTHING
 since only a part of a backup was put back. What robots forward is theirs."""
 _LEFT = """
 INSERT INTO nodes (node, owner, epoch, until, batch, place)
-SELECT DISTINCT node, '', 1, clock_timestamp(), 0, 'not known' FROM owners ON CONFLICT DO NOTHING
+SELECT DISTINCT node, '', 1, '-infinity'::timestamptz, 0, 'not known' FROM owners ON CONFLICT DO NOTHING
 """
 """Else nobody would take over from them."""
 COUNT_ON = """

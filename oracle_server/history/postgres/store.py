@@ -53,7 +53,7 @@ DELETE FROM nodes
 WHERE until < clock_timestamp() - interval '1 day' AND NOT EXISTS (SELECT 1 FROM owners WHERE owners.node = nodes.node)
 """
 """Nodes that will not come back; what stood still for so long finds no row, and ends."""
-_RELEASE = "UPDATE nodes SET until = clock_timestamp() WHERE node = ? AND owner = ? AND epoch = ?"
+_RELEASE = "UPDATE nodes SET until = '-infinity' WHERE node = ? AND owner = ? AND epoch = ?"
 _HOLDER = (
     "SELECT owner, epoch, until::text, place, until <= clock_timestamp(), "
     "until > clock_timestamp() + ? * interval '1 second' FROM nodes WHERE node = ?"
