@@ -45,9 +45,15 @@ class Clock:
         return self._now
 
     def since(self, time_: int) -> Clock:
-        """The clock for what has lived until `time_`: itself, or where that is too far ahead, one from there on."""
-        if time_ - self.now() <= MAX_AHEAD:
+        """The clock for what has lived until `time_`: itself, or where that is ahead of it, one from there on."""
+        ahead = time_ - self.now()
+        if ahead <= 0:
             return self
         later = Clock()
-        later._now, later._far = time_, True
+        later._now, later._far = time_, ahead > MAX_AHEAD
         return later
+
+    @property
+    def far(self) -> bool:
+        """Whether it is so far ahead of the wall clock that it does not wait for it."""
+        return self._far

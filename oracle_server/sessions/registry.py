@@ -362,7 +362,7 @@ class Registry:
 
     def _live(self, record: SessionRecord, core: Session) -> LiveSession:
         clock = self._clock.since(core.now)
-        if clock is not self._clock:
+        if clock is not self._clock and clock.far:
             log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
         live = LiveSession(
             record, core, self._history, clock, self.counters, self.backlog, self.shares.share(), self._resume_within,

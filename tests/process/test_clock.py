@@ -66,7 +66,18 @@ def test_a_session_that_has_lived_later_keeps_its_time_and_no_other_does(machine
     later = machine.wall + YEARS
     own = clock.since(later)
     assert clock.since(0) is clock
-    assert clock.since(machine.wall + MAX_AHEAD) is clock
+    assert own.far
     machine.pass_by(7)
     assert own.now() == later + 7 * SECOND
     assert clock.now() == machine.wall
+
+
+def test_what_has_lived_later_at_a_machine_whose_clock_is_ahead_goes_on_from_there_slowly(machine: Machine) -> None:
+    """As a session that is taken over: its time stood still, so that nothing waited for its turn."""
+    clock, later = Clock(), machine.wall + 10 * SECOND
+    own = clock.since(later)
+    assert (own.now(), own.far) == (later, False)
+    machine.pass_by(4)
+    assert (own.now(), clock.now()) == (later + 2 * SECOND, machine.wall)
+    machine.pass_by(30)
+    assert own.now() == clock.now() == machine.wall
