@@ -35,7 +35,6 @@ Names = frozenset[str] | set[str]
 _HOLDS = Outcome.CURRENTLY_TRUE
 _IDLE = f"its deadlines cost too much: {MAX_WORK} values may be looked at for those of all properties between two steps"
 
-
 builtin_property = property
 """`property`, which is a field here."""
 
@@ -105,7 +104,6 @@ class PropertyState(Counted):
     """What its next tick fails by."""
     _goes_on: bool = field(init=False)
     """Whether the engine is asked on once the property is latched, to tell whom it blames."""
-    _measuring: Measuring | None = field(init=False)
     _guarding: Guarding | None = field(init=False)
     """The engine, where it tells what breaks obligations that were decided before, and has not failed."""
     _revisable: Revisable | None = field(init=False)
@@ -115,7 +113,6 @@ class PropertyState(Counted):
         """Find out once what its engine can do."""
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
         self._revisable = self.engine if isinstance(self.engine, Revisable) else None
-        self._measuring = self.engine if isinstance(self.engine, Measuring) else None
         self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
         prop = self.property
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
@@ -162,7 +159,8 @@ class PropertyState(Counted):
         self.unowed = _HOLDS
         fails = bool(failed) and not view.reads.isdisjoint(failed)
         if outcome is Outcome.UNKNOWN or fails:
-            if fails or self._measuring is None or self._measuring.begun:  # before it begins nothing is missed
+            # before a formula over numbers begins nothing is missed
+            if fails or not isinstance(self.engine, Measuring) or self.engine.begun:
                 self.failures += view.observed
             self.unowed = Outcome.UNKNOWN
             if not self.unanswered:
@@ -336,9 +334,9 @@ class PropertyState(Counted):
     @builtin_property
     def robustness(self) -> float | None:
         """The engine's robustness at the last step; None where it was not stepped, or has none."""
-        if self.outcome in FINAL or self.broken is not None or self._measuring is None:
+        if self.outcome in FINAL or self.broken is not None or not isinstance(self.engine, Measuring):
             return None
-        return self._measuring.robustness
+        return self.engine.robustness
 
     def _take_back(self, engine: Revisable) -> None:
         """Take a tick back, and count its cost."""
@@ -352,7 +350,7 @@ class PropertyState(Counted):
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
         self.broken, self._revisable = reason, None
-        self.engine, self.owed, self._guarding, self._measuring = Broken(self.complaint), None, None, None
+        self.engine, self.owed, self._guarding = Broken(self.complaint), None, None
 
     def _take_unanswered(self) -> None:
         """Count what obligations were decided with the last step, or by the time that came last."""

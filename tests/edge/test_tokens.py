@@ -1,4 +1,4 @@
-"""The file of tokens: changed by many at once, lost, or spoilt."""
+"""The file of tokens: changed by many at once, lost, or spoilt; and which sessions a token covers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.edge.tokens import Tokens, add, listed, remove
+from oracle_server.edge.tokens import Grant, TokenError, Tokens, add, listed, remove
+from oracle_server.sessions.runs import named
 
 
 def test_tokens_that_come_and_go_at_once_undo_each_other_nowhere(tmp_path: Path) -> None:
@@ -39,3 +40,38 @@ def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[P
     spoil(file)
     assert tokens.grant(secret) is None
     assert tokens.grant(None) is None
+
+
+def test_a_token_goes_on_where_the_server_has_its_session_go_on() -> None:
+    grant = Grant(frozenset({"submit"}), sessions=frozenset({"s1", "x" * 64, "a.run2"}))
+    for name in ("s1", "s1.run2", "s1.run10", "a.run2.run2"):
+        assert grant.covers_session(name), name
+    for name in (
+        "s1.run",
+        "s1.run1",
+        "s1.run02",
+        "s1.run2.run2x",
+        "s1.runs",
+        "s1.run²",
+        "s11.run2",
+        "S1.run2",
+        ".run2",
+    ):
+        assert not grant.covers_session(name), name
+    for own in ("s1", "x" * 64):
+        assert all(grant.covers_session(named(own, run)) for run in range(1, 20))
+
+
+def test_a_robots_session_at_a_centre_is_covered_by_its_own_name_alone() -> None:
+    robots, own = (Grant(frozenset({"read"}), sessions=frozenset({name})) for name in ("s1@robot7", "s1"))
+    assert [robots.covers_session(name) for name in ("s1@robot7", "s1.run2@robot7")] == [True, True]
+    assert not any(robots.covers_session(name) for name in ("s1", "s1@robot8", "s2@robot7", "s1.run2", None))
+    assert not own.covers_session("s1@robot7")
+
+
+def test_a_token_is_bound_to_a_robots_session(tmp_path: Path) -> None:
+    path = tmp_path / "tokens.json"
+    token = add(path, "r7", ["read"], None, ["s1@robot7"])
+    assert Tokens(path).grant(token) == Grant(frozenset({"read"}), sessions=frozenset({"s1@robot7"}))
+    with pytest.raises(TokenError):
+        add(path, "r8", ["read"], None, ["s1@"])

@@ -14,8 +14,7 @@ from oracle_adapter import Link
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from oracle_server.edge.tokens import Grant, TokenError, Tokens, add, hash_of
-from oracle_server.sessions.runs import named
+from oracle_server.edge.tokens import add, hash_of
 from tests.whole.client import make_attach, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import PATIENCE, Server, failed, problem, run
@@ -215,26 +214,6 @@ async def test_a_bound_token_is_not_told_which_sessions_and_specs_there_are(guar
     assert "known are" in str((await guarded.attach("submit", session="ours", spec="nowhere"))["message"])
 
 
-def test_a_token_goes_on_where_the_server_has_its_session_go_on() -> None:
-    grant = Grant(frozenset({"submit"}), sessions=frozenset({"s1", "x" * 64, "a.run2"}))
-    for name in ("s1", "s1.run2", "s1.run10", "a.run2.run2"):
-        assert grant.covers_session(name), name
-    for name in (
-        "s1.run",
-        "s1.run1",
-        "s1.run02",
-        "s1.run2.run2x",
-        "s1.runs",
-        "s1.run²",
-        "s11.run2",
-        "S1.run2",
-        ".run2",
-    ):
-        assert not grant.covers_session(name), name
-    for own in ("s1", "x" * 64):
-        assert all(grant.covers_session(named(own, run)) for run in range(1, 20))
-
-
 async def test_a_token_goes_on_in_the_session_that_follows_its_own(guarded: Guarded) -> None:
     guarded.secrets["robot"] = add(guarded.server.data / "tokens.json", "robot", ["submit"], sessions=["s1"])
     answer = await guarded.attach("robot", session="s1.run2", spec="single")
@@ -391,18 +370,3 @@ async def test_a_token_s_bounds_hold_for_old_monitors_and_for_traces(guarded: Gu
             pass
     async with connect(f"{url}/legacy/single", additional_headers=headers, proxy=None, open_timeout=PATIENCE):
         pass
-
-
-def test_a_robots_session_at_a_centre_is_covered_by_its_own_name_alone() -> None:
-    robots, own = (Grant(frozenset({"read"}), sessions=frozenset({name})) for name in ("s1@robot7", "s1"))
-    assert [robots.covers_session(name) for name in ("s1@robot7", "s1.run2@robot7")] == [True, True]
-    assert not any(robots.covers_session(name) for name in ("s1", "s1@robot8", "s2@robot7", "s1.run2", None))
-    assert not own.covers_session("s1@robot7")
-
-
-def test_a_token_is_bound_to_a_robots_session(tmp_path: Path) -> None:
-    path = tmp_path / "tokens.json"
-    token = add(path, "r7", ["read"], None, ["s1@robot7"])
-    assert Tokens(path).grant(token) == Grant(frozenset({"read"}), sessions=frozenset({"s1@robot7"}))
-    with pytest.raises(TokenError):
-        add(path, "r8", ["read"], None, ["s1@"])
