@@ -115,7 +115,7 @@ def test_the_command_line_says_it_too_and_goes_on_behind_it() -> None:
 
     def answer(request: httpx.Request) -> httpx.Response:
         asked.append(request.headers["Last-Event-ID"])
-        return httpx.Response(200, text=next(answers))
+        return httpx.Response(200, text=next(answers), headers={"content-type": "text/event-stream"})
 
     client = Client("http://127.0.0.1:1")
     client._http = httpx.Client(base_url="http://127.0.0.1:1/api/v1/", transport=httpx.MockTransport(answer))
