@@ -8,13 +8,16 @@ from collections.abc import Sequence
 
 import structlog
 
-from oracle_server.core.errors import HistoryError
+from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.core.verdicts import decision_frame
 from oracle_server.history.port import Reading
+from oracle_server.history.records import StoredStep
 from oracle_server.sessions.monitor import Monitor, Outbox
 
 _MOST = 1_000
 """Lookups that may wait; beyond this limit, the session's monitors are not read until there is room."""
+_AGAIN = 0.2
+"""Seconds until a database that did not answer is asked again."""
 
 log = structlog.get_logger()
 
@@ -64,7 +67,7 @@ class DecisionLookup:
     async def _send(self, monitor: Monitor, outbox: Outbox, seq: int) -> None:
         problem = "a decision can't be read again"  # the monitor then does what `on_unavailable` says
         try:
-            step = await self._history.asked_step(self._session, monitor.name, seq)
+            step = await self._step(monitor, outbox, seq)
             if step is not None and step.decision is not None:
                 verdicts = dict(zip(self._properties, step.outcomes, strict=True))
                 outbox.send(decision_frame(seq, step.decision, verdicts))
@@ -74,3 +77,17 @@ class DecisionLookup:
             log.exception(problem, monitor=monitor.name, seq=seq)
         else:
             monitor.acknowledge()
+
+    async def _step(self, monitor: Monitor, outbox: Outbox, seq: int) -> StoredStep | None:
+        """The step in which an event was decided, as soon as the database answers, and while its monitor waits."""
+        failing = False
+        while True:
+            try:
+                return await self._history.asked_step(self._session, monitor.name, seq)
+            except UnansweredError as error:
+                if monitor.outbox is not outbox:
+                    return None
+                if not failing:
+                    log.warning("a decision is not read again yet", monitor=monitor.name, seq=seq, reason=str(error))
+                failing = True
+            await asyncio.sleep(_AGAIN)

@@ -76,6 +76,11 @@ class Link:
         self._room = asyncio.Event()
         self._socket: ClientConnection | None = None
 
+    def __str__(self) -> str:
+        """What it waits for."""
+        left = f"{self.acked} of {len(self.events)} acked, {sorted(self._undecided)} not decided"
+        return f"{self.attach['monitor']} of {self.attach['session']}: attached {self.attaches} times, {left}"
+
     async def run(self) -> None:
         """Stay attached, over as many connections as it takes; ends only when it is cancelled."""
         while True:

@@ -158,8 +158,12 @@ async def _through(
             say(f"{number + 1:4} {name_of(fault)}: {time.monotonic() - begun:.1f} s")
             pace.move_on(stamps[number + 1])
             before = upto
-        for link in links:
-            await link.done.wait()
+        try:
+            for link in links:
+                await link.done.wait()
+        except asyncio.CancelledError:
+            print(*(link for link in links if not link.done.is_set()), sep="\n")
+            raise
         for run in runs:
             run.cancel()
     return tolds

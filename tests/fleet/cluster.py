@@ -109,6 +109,13 @@ class Cluster:
     async def the_relay_cuts(self) -> None:
         self._relays[await self._victim()].cut()
 
+    async def postgresql_is_killed_as_monitors_come_back(self) -> None:
+        """What was decided for them is read again meanwhile."""
+        for link in self.links:
+            link.cut()
+        await asyncio.sleep(self._chance.uniform(0.0, 0.5))  # waits for nothing: it is how far they come
+        await self.postgresql_is_killed()
+
     async def monitors_are_cut_off(self) -> None:
         self._cut_some()
 
@@ -143,11 +150,13 @@ FAULTS: tuple[Fault, ...] = (
     Cluster.postgresql_and_one_are_killed,
     Cluster.monitors_are_cut_off,
     Cluster.one_stands_for_a_moment,
+    Cluster.postgresql_is_killed_as_monitors_come_back,
 )
 
 SPOILING: frozenset[Fault] = frozenset(
     {
         Cluster.postgresql_is_killed,
+        Cluster.postgresql_is_killed_as_monitors_come_back,
         Cluster.one_does_not_reach_postgresql,
         Cluster.connections_to_postgresql_end,
         Cluster.the_relay_cuts,

@@ -28,7 +28,7 @@ SESSIONS, EVENTS = 4, 200
          Cluster.one_stands_for_a_moment, Cluster.connections_to_postgresql_end, Cluster.monitors_are_cut_off),
         (Cluster.one_does_not_reach_postgresql, Cluster.the_relay_cuts, Cluster.postgresql_is_killed,
          Cluster.connections_to_postgresql_end, Cluster.postgresql_and_one_are_killed, Cluster.one_is_killed,
-         Cluster.monitors_are_cut_off),
+         Cluster.postgresql_is_killed_as_monitors_come_back),
     ],
     ids=["servers", "connections", "PostgreSQL"],
 )  # fmt: skip

@@ -6,8 +6,9 @@ import asyncio
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
-from oracle_server.core.errors import HistoryError
+from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
 from oracle_server.sessions import lookup
@@ -126,6 +127,43 @@ async def test_a_history_that_can_not_be_read_ends_no_session(
     live.ingest(monitor, event(1, ask=True, speed=9))
     assert [frame["seq"] for frame in await outbox.expect("decision", 3)] == [1, 2, 1]
     assert "disk I/O error" in capsys.readouterr().out
+
+
+async def test_a_database_that_does_not_answer_is_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a monitor whose connection lasts is told nothing, though its event was decided, and is there."""
+    monkeypatch.setattr(lookup, "_AGAIN", 0)
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, GUARD)
+    outbox = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await outbox.expect("ack")
+    good, tries, gone, never = history.asked_step, 0, asyncio.Event(), asyncio.Event()
+
+    async def fails(session: int, name: str, seq: int) -> StoredStep | None:
+        nonlocal tries
+        tries += 1
+        gone.set()
+        if tries < 4 or never.is_set():
+            raise UnansweredError("PostgreSQL: the connection is closed")
+        return await good(session, name, seq)
+
+    monkeypatch.setattr(history, "asked_step", fails)
+    with capture_logs() as told:
+        live.ingest(monitor, event(1, ask=True, speed=9))
+        first, again = await outbox.expect("decision", 2)
+        assert first == again
+    assert [line["seq"] for line in told if line["log_level"] == "warning"] == [1]
+    assert tries == 4
+    never.set()
+    gone.clear()
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await gone.wait()
+    live.disconnected(monitor, outbox)
+    async with asyncio.timeout(10):
+        while monitor.unsettled:
+            await asyncio.sleep(0)
+    assert len(await outbox.expect("decision")) == 2, "nobody waits for it any more"
 
 
 async def test_no_failure_leaves_an_event_waiting_or_a_session_unread(
