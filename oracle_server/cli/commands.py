@@ -90,6 +90,8 @@ def main() -> None:
     """Run the command line; an error is one line on standard error and exit status 2, as 1 says "violated"."""
     _open_standard_streams()
     _write_utf8()
+    if os.environ.get("COLUMNS") == "0":  # as shells say that it is not known; into so many nothing would be printed
+        del os.environ["COLUMNS"]
     try:
         status = app(standalone_mode=False)
         sys.stdout.flush()  # what can't be written is told of, too

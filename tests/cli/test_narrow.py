@@ -169,6 +169,16 @@ def test_elsewhere_there_is_none() -> None:
     assert out.getvalue().split() == ["outcome", "currently_false"]
 
 
+def test_a_width_that_is_not_known_is_none(folder: Path) -> None:
+    """Shells and editors say so by COLUMNS=0; of a table in no columns nothing was printed."""
+    command = ["replay", str(folder / "spec.yaml"), str(folder / "trace.jsonl")]
+    piped = subprocess.run(
+        [COMMAND, *command], capture_output=True, text=True, env=environment(COLUMNS="0"), check=False
+    )
+    assert PROPERTY in piped.stdout.partition("violations")[2]
+    assert "violations" in on_a_terminal(*command, COLUMNS="0")
+
+
 def test_nothing_is_read_of_texts() -> None:
     out = io.StringIO()
     print_table(("a", "b"), [("[red]a[/red]", "\x1b[31m")], out)
