@@ -22,6 +22,7 @@ _SILENT = 60.0
 _RECONNECT_AFTER = 1.0
 _UNIX = "unix://"
 """How the address of a UNIX socket begins; the rest is its path."""
+_SCHEMES = ("http://", "https://", "ws://", "wss://", _UNIX)
 _KEYS = {"items", "id", "n"}
 """Of which every document of the API has one: a list, what has a name, and a verdict."""
 _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
@@ -47,6 +48,9 @@ class Client:
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
+        if not self._url.lower().startswith(_SCHEMES):
+            what = "write http://HOST:PORT, as http://127.0.0.1:8642, or unix:///PATH"
+            raise ServerUnreachableError(f"--url or ORACLE_URL: '{url}' is no address of a server; {what}")
         token = token.strip() if token else None  # files end with a newline, as secrets that are made of them do
         if token and not all("!" <= character <= "~" for character in token):
             raise ServerUnreachableError("ORACLE_TOKEN or --token: not a token; `oracle-server token add` prints one")

@@ -77,3 +77,11 @@ def test_another_program_at_the_address_is_told_as_one(command: tuple[str, ...],
         with another(status, body) as url:
             assert failed(*command, *files, "--url", url).endswith("as an oracle server"), (status, body)
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("url", ["localhost:8642", "[::1]:8642", "robot", "http//robot", "/run/oracle.sock", "unix:/x"])
+def test_an_address_without_a_scheme_is_told_as_one(url: str) -> None:
+    """It was told that a protocol localhost:// is not supported, and to start the server."""
+    told = failed("sessions", "--url", url)
+    assert f"--url or ORACLE_URL: '{url}' is no address of a server; write http://HOST:PORT, as " in told
+    assert "oracle-server start" not in told
