@@ -23,7 +23,7 @@ class Origins:
     def __init__(self, app: ASGIApp, hosts: Iterable[str] = ()) -> None:
         """Let in requests for `hosts` and for the names of loopback."""
         self._app = app
-        self._hosts = frozenset(_plain(host.lower()) for host in (*_LOOPBACK, *hosts))
+        self._hosts = frozenset(_own(host.lower()) for host in (*_LOOPBACK, *hosts))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse a request or WebSocket, or pass it on."""
@@ -46,6 +46,14 @@ class Origins:
         if origin is not None and _location(origin) != host.lower():
             return 403, f"pages of another origin may not use this server{_PROXY}"
         return None
+
+
+def _own(host: str) -> str:
+    """A name or an address that is let in, without what a URL, or a `Host`, has around it, as brackets and a port."""
+    host = host.rpartition("//")[2]
+    if host.count(":") > 1 and "[" not in host:  # an address of IPv6, whose end would be taken for a port
+        return _plain(host)
+    return _plain(_name(host) or host)
 
 
 def _plain(name: str) -> str:

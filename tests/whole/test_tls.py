@@ -195,7 +195,9 @@ async def test_a_bind_to_all_addresses(start: Starts, authority: Authority, tmp_
     if protected:
         secret = add(tmp_path / "data" / "tokens.json", "a", ["admin"])
         settings = authority.settings
-    server = start(ORACLE_HOST="0.0.0.0", ORACLE_ALLOWED_HOSTS="oracle.local, other.local", **settings)
+    server = start(
+        ORACLE_HOST="0.0.0.0", ORACLE_ALLOWED_HOSTS="oracle.local, https://Other.local:443/, [fd00::1]:1", **settings
+    )
     assert ("without protection" in server.log) is not protected
     url = server.url.replace("0.0.0.0", "127.0.0.1")
     headers = {"Authorization": f"Bearer {secret}"} if protected else {}
@@ -203,5 +205,6 @@ async def test_a_bind_to_all_addresses(start: Starts, authority: Authority, tmp_
         verify=authority.context(), trust_env=False, headers=headers, base_url=url, timeout=PATIENCE
     ) as http:
         assert http.get("/api/v1/sessions").status_code == 200
-        assert http.get("/api/v1/sessions", headers={"Host": "oracle.local"}).status_code == 200
+        for name in ("oracle.local", "oracle.local:8642", "other.local", "[fd00::1]:8642"):
+            assert http.get("/api/v1/sessions", headers={"Host": name}).status_code == 200, name
         assert http.get("/api/v1/sessions", headers={"Host": "evil.local"}).status_code == 421
