@@ -51,7 +51,7 @@ from oracle_server.process.logs import set_up_logs
 from oracle_server.process.notify import READY, STATUS, notify
 from oracle_server.process.openfiles import allow
 from oracle_server.process.pidfile import PidFile
-from oracle_server.process.settings import POSTGRES, Settings
+from oracle_server.process.settings import POSTGRES, Settings, unknown_variables
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.remote.receivers import load_receivers
 from oracle_server.remote.webhooks import Webhooks
@@ -87,6 +87,8 @@ def serve(settings: Settings) -> None:
     faulthandler.enable()  # where systemd ends a server that stands still, its journal says where
     with contextlib.ExitStack() as held:
         held.callback(set_up_logs(settings))
+        if unknown := unknown_variables():
+            log.warning("environment variables that name no setting are ignored", names=", ".join(unknown))
         pid_file = None
         if not settings.read_only:
             pid_file = PidFile(settings.data_dir)

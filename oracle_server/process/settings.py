@@ -11,10 +11,13 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.nearest import near
 from oracle_server.core.units import duration, size
 
 TOKEN_FILE = "tokens.json"  # noqa: S105 -- the name of a file
-
+_PREFIX = "ORACLE_"
+_OF_CLIENTS = frozenset({"url", "token", "ca", "client_cert", "client_key"})
+"""What is read from the environment by what reaches a server."""
 
 POSTGRES = ("postgresql://", "postgres://")
 """How the URL of a history in PostgreSQL begins."""
@@ -57,7 +60,7 @@ def _reached(value: str) -> str:
 class Settings(BaseSettings):
     """A server's settings; durations in seconds."""
 
-    model_config = SettingsConfigDict(env_prefix="ORACLE_", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=_PREFIX, extra="ignore", frozen=True)
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8642
@@ -175,3 +178,15 @@ def load_settings(**given: Any) -> Settings:
         name = str(first["loc"][0])
         where = f"ORACLE_{name.upper()}" if given.get(name) is None else f"--{name.replace('_', '-')}"
         raise SettingsError(f"{where}: {why}") from None
+
+
+def unknown_variables() -> list[str]:
+    """The environment variables that are called as settings are, and are none, each with what may have been meant."""
+    known = _OF_CLIENTS.union(Settings.model_fields)
+    given = (name for name in sorted(os.environ) if name.upper().startswith(_PREFIX))
+    unknown = ((name, name[len(_PREFIX) :].lower()) for name in given)
+    return [
+        " ".join((name, *(f"(did you mean {_PREFIX}{other.upper()}?)" for other in near(own, sorted(known))[:1])))
+        for name, own in unknown
+        if own not in known
+    ]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
-from oracle_server.process.settings import SettingsError, load_settings
+from oracle_server.process.settings import SettingsError, load_settings, unknown_variables
 
 
 @pytest.fixture
@@ -40,3 +41,21 @@ def test_what_is_wrong_is_told_by_the_name_it_was_given_by(monkeypatch: pytest.M
     monkeypatch.delenv("ORACLE_RETAIN_SIZE")
     with pytest.raises(SettingsError, match=r"^--forward: write postgresql://"):
         load_settings(data_dir=tmp_path, forward="mysql://centre")
+
+
+def test_a_variable_that_names_no_setting_is_told_with_what_may_have_been_meant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A misspelt limit was no limit, and nobody said so."""
+    for name in [name for name in os.environ if name.upper().startswith("ORACLE_")]:
+        monkeypatch.delenv(name)
+    for name in ("ORACLE_PORT", "oracle_host", "ORACLE_TOKEN", "ORACLE_CLIENT_KEY", "ORACLES", "MY_ORACLE_PROT"):
+        monkeypatch.setenv(name, "1")
+    assert unknown_variables() == []
+    for name in ("ORACLE_RETAIN_SISE", "ORACLE_HOME", "oracle_prot"):
+        monkeypatch.setenv(name, "1")
+    assert unknown_variables() == [
+        "ORACLE_HOME",
+        "ORACLE_RETAIN_SISE (did you mean ORACLE_RETAIN_SIZE?)",
+        "oracle_prot (did you mean ORACLE_PORT?)",
+    ]
