@@ -105,9 +105,11 @@ class SessionAlarms:
 
 
 def session_ended(record: SessionRecord, state: dict[str, Any]) -> Alarm:
-    """The alarm of a session that is closed, by its last state."""
+    """The alarm of a session that is closed, by its last state; `violations` is None where that does not tell them."""
     violated = {p["id"]: p["violations"] for p in state["properties"] if p["violations"]}
     text = f"session {record.id} is closed: {state['closed_because']}"
+    if state["trouble"]:
+        text = one_line(f"{text}; {state['trouble']}"[:_LONGEST])
     return {
         "alarm": "session_ended",
         "session": record.id,
@@ -115,6 +117,6 @@ def session_ended(record: SessionRecord, state: dict[str, Any]) -> Alarm:
         "closed": state["closed"],
         "because": state["closed_because"],
         "continued_by": state["continued_by"],
-        "violations": violated,
+        "violations": violated if state["properties"] else None,
         "text": text,
     }

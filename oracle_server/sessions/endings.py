@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 
-from oracle_server.history.port import Reading
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.port import History, Reading
 from oracle_server.history.records import Document, SessionRecord
 from oracle_server.sessions.runs import beginning, last_run, named, run_of
 from oracle_server.wire.errors import WireError
@@ -43,6 +45,15 @@ class Runs:
     async def _last(self, name: str) -> str | None:
         stem, _ = run_of(name)
         return last_run(stem, {*self._open, *self._unrestored, *await self._history.names(beginning(stem))})
+
+
+async def record_closed(history: History, number: int, now: int, state: Document) -> None:
+    """Keep that a session is closed. Raises `HistoryError` where that can't be kept."""
+    committed = asyncio.Event()
+    history.close_session(number, now, state, committed.set)
+    await history.flush()
+    if not committed.is_set():
+        raise HistoryError("the history refuses how it stands, see above")
 
 
 def end_of(now: int, because: str) -> Document:

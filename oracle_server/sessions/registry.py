@@ -10,7 +10,7 @@ from typing import Any
 
 import structlog
 
-from oracle_server.core.errors import HistoryError, OracleError, SpecError
+from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.plan import Plan, judged_by
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By
@@ -25,7 +25,7 @@ from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.elsewhere import Left, Others
-from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over
+from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over, record_closed
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.opening import Begun, Records, SessionExistsError, SessionNameError, unopened
@@ -215,7 +215,7 @@ class Registry:
         successor = await self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | end_of(now, because)
         state |= {"continued_by": successor, "clock_went_back": session.clock_went_back}
-        await self._record_closed(session.number, now, state)
+        await record_closed(self._history, session.number, now, state)
         self.open.pop(session.id, None)
         if self._alarms:
             self._alarms.send(session_ended(session.record, state))
@@ -229,14 +229,6 @@ class Registry:
         for monitor in session.monitors.values():
             if monitor.outbox and not monitor.detaching:
                 monitor.outbox.drop(reason)
-
-    async def _record_closed(self, number: int, now: int, state: Document) -> None:
-        """Keep that a session is closed. Raises `HistoryError` where that can't be kept."""
-        committed = asyncio.Event()
-        self._history.close_session(number, now, state, committed.set)
-        await self._history.flush()
-        if not committed.is_set():
-            raise HistoryError("the history refuses how it stands, see above")
 
     def save(self, number: int) -> None:
         """Take a snapshot of an open session, unless the last one was taken too recently."""
@@ -275,13 +267,20 @@ class Registry:
 
         Else it is closed as soon as the history can be written.
         """
-        now, known, gone = self._clock.now(), left.record, list[object]()
+        now, known, gone = self._clock.now(), left.record, asyncio.Event()
         state = left.state | end_of(now, because) | {"continued_by": None, "clock_went_back": False}
-        self._history.close_session(known.number, now, state, lambda: gone.append(self.unrestored.pop(known.id, None)))
+
+        def closed() -> None:
+            gone.set()
+            self.unrestored.pop(known.id, None)
+            if self._alarms:
+                self._alarms.send(session_ended(known, state))
+
+        self._history.close_session(known.number, now, state, closed)
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(within):
                 await self._history.flush()
-        return bool(gone)
+        return gone.is_set()
 
     async def shut_down(self) -> None:
         """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
@@ -42,6 +45,18 @@ async def test_it_can_be_closed(asked: Asked) -> None:
     assert (await asked.http.get("/api/v1/sessions")).json()["items"] == [answer.json()]
     assert (await asked.http.delete("/api/v1/sessions/s")).json() == answer.json()
     assert "oracle_sessions_in_trouble 0.0" in (await asked.http.get("/metrics")).text
+
+
+async def test_those_who_are_told_of_ends_are_told_once_that_it_is_closed(asked: Asked) -> None:
+    await leave(asked)
+    told = list[Any]()
+    asked.registry._alarms = SimpleNamespace(wants=bool, send=told.append)
+    for _ in range(2):
+        assert (await asked.http.delete("/api/v1/sessions/s")).status_code == 200
+    (alarm,) = told
+    assert (alarm["alarm"], alarm["session"], alarm["because"]) == ("session_ended", "s", "by request")
+    assert alarm["text"].startswith("session s is closed: by request; it could not be restored: spec.yaml:2:1: ")
+    assert alarm["violations"] is None, "nobody knows them"
 
 
 async def test_while_the_history_can_not_be_written_it_is_closed_later(
