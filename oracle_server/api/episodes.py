@@ -12,7 +12,7 @@ from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
 
 from oracle_server.api.beginnings import episode_events
-from oracle_server.api.known import demand_session
+from oracle_server.api.known import demand_properties, demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
 from oracle_server.api.questions import Origin, Properties
@@ -99,6 +99,7 @@ def router(registry: Registry, history: History) -> APIRouter:
     ) -> Response:
         """List the episodes of a session. The answer has an `ETag`."""
         known = await demand_session(request, registry, session_id)
+        demand_properties(known, query.properties)
         return await page(request, replace(query, session=known.number))
 
     @routes.get(
@@ -125,6 +126,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         goes on.
         """
         known = await demand_session(request, registry, session_id)
+        demand_properties(known, property)
         try:
             await registry.others.demand_own(session_id)
         except OtherServerError as error:

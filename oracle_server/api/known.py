@@ -1,12 +1,17 @@
-"""Looks up the session that a request names, and checks that the sender's token covers it."""
+"""Looks up what a request names, and checks that the sender's token covers it."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterable
+from functools import partial
 from typing import Any, NoReturn
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
+from oracle_server.core.errors import OracleError
+from oracle_server.core.nearest import either, nearest
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord
@@ -14,6 +19,7 @@ from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
 from oracle_server.sessions.summary import told
 from oracle_server.specfiles.library import UnknownSpecError
+from oracle_server.specfiles.load import parse_spec
 
 
 async def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> SessionRecord:
@@ -21,6 +27,28 @@ async def demand_session(connection: HTTPConnection, registry: Registry, session
     known = await registry.known(session_id)
     demand(connection, spec=known and known.spec, session=session_id)
     return known or unknown_session(session_id)
+
+
+def demand_properties(known: SessionRecord, asked: Iterable[str]) -> None:
+    """Raise 422 for a property that a session does not have: that nothing is found of it would be no good news."""
+    for name in asked:
+        if name not in known.properties:
+            says = nearest(name, known.properties) or f"there are {either(known.properties)}"
+            raise HTTPException(422, f"query.property: {known.spec} has no property `{name}`; {says}")
+
+
+async def demand_stream(registry: Registry, history: Reading, known: SessionRecord, asked: str | None) -> None:
+    """Raise 422 for the name of a stream that a session's spec does not have, as far as this version reads that."""
+    live = registry.open.get(known.id)
+    if not asked:  # ticks have a stream without a name
+        return
+    with contextlib.suppress(OracleError):
+        read = partial(parse_spec, known.text, known.id, bounded=False)
+        spec = live.spec if live else (await history.in_thread(read)).spec
+        names = dict.fromkeys(stream.key.name for stream in spec.streams)
+        if asked not in names:
+            says = nearest(asked, names) or f"there are {either(names)}"
+            raise HTTPException(422, f"query.stream: {known.spec} has no stream `{asked}`; {says}")
 
 
 async def demand_name(connection: HTTPConnection, registry: Registry, session_id: str | None) -> None:

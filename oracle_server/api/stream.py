@@ -16,7 +16,7 @@ from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 
 from oracle_server.api.following import followed, number_of
-from oracle_server.api.known import demand_session, doubts_of
+from oracle_server.api.known import demand_properties, demand_session, demand_stream, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.api.summaries import summaries
 from oracle_server.edge.scopes import needs
@@ -72,6 +72,8 @@ def router(registry: Registry, history: Reading) -> APIRouter:
             if {*request.query_params} - {"summary"}:
                 raise HTTPException(422, "summary: stands alone, since it selects no verdicts")
             return EventSourceResponse(summaries(registry, session_id), headers={"Cache-Control": "no-store"})
+        demand_properties(known, question.properties)
+        await demand_stream(registry, history, known, question.stream)
         begin = after if last_event_id is None else number_of(last_event_id)
         asked = replace(question, outcomes=frozenset(outcome), violations=violations)
         wanted = replace(asked, after=begin, limit=_PAGE, follows=True)

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.responses import StreamingResponse
 
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.known import demand_session, doubts_of, unknown_verdict
+from oracle_server.api.known import demand_properties, demand_session, demand_stream, doubts_of, unknown_verdict
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
@@ -45,8 +45,10 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
     routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
-        known, doubts = await demand_session(request, registry, session_id), doubts_of(registry, session_id)
-        items, after = await unless_left(request, find(history, known, question, doubts))
+        known = await demand_session(request, registry, session_id)
+        demand_properties(known, question.properties)
+        await demand_stream(registry, history, known, question.stream)
+        items, after = await unless_left(request, find(history, known, question, doubts_of(registry, session_id)))
         return await packed_answer(
             request,
             history,

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from oracle_server.cli.client import Client, of_session
-from oracle_server.cli.tables import show, warn_of_unknown
+from oracle_server.cli.tables import show
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import moment
 
@@ -24,8 +24,6 @@ def show_episodes(
     as_json: bool,
 ) -> None:
     """Print the episodes of a session, or of all sessions, or of all that are forwarded from a robot."""
-    if session is not None:
-        warn_of_unknown(client, session, properties)
     path = "episodes" if session is None else of_session(session, "episodes")
     items = client.pages(path, property=properties, open=True if only_open else None, origin=origin)
     head = _HEAD if session is not None else ("session", *_HEAD)

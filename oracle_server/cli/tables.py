@@ -13,7 +13,6 @@ from oracle_server.cli.marks import record_marks, violation_text
 from oracle_server.cli.reasons import explanation_text
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import first_name, moment
-from oracle_server.core.nearest import either, nearest
 from oracle_server.edge.tokens import Token
 from oracle_server.process.progress import progress
 from oracle_server.process.tables import print_table
@@ -60,20 +59,10 @@ def show_closed(client: Client, session: str, *, as_json: bool) -> None:
         _show_caveats(state)
 
 
-def warn_of_unknown(client: Client, session: str, properties: Sequence[str]) -> None:
-    """Say on standard error which properties a session does not have: nothing of them is no good news."""
-    known = [p["id"] for p in client.get(of_session(session))["properties"]] if properties else []
-    for name in properties if known else ():
-        if name not in known:
-            says = nearest(name, known) or f"there are {either(dict.fromkeys(known))}"
-            sys.stderr.write(one_line(f"oracle-server: session '{session}' has no property '{name}'; {says}") + "\n")
-
-
 def show_verdicts(
     client: Client, session: str, properties: list[str], outcomes: list[str], view: str = "standing", *, as_json: bool
 ) -> None:
     """Print a session's verdict records in a view, or a summary of its properties and all violations as tables."""
-    warn_of_unknown(client, session, properties)
     if as_json or properties or outcomes:
         items = client.pages(of_session(session, "verdicts"), property=properties, outcome=outcomes, **{"as": view})
         _show_records(items, as_json=as_json)
@@ -100,7 +89,6 @@ def follow_verdicts(
     def note(text: str) -> None:
         sys.stderr.write(f"{text}\n")
 
-    warn_of_unknown(client, session, properties)
     wanted = {"property": properties, "outcome": outcomes, "as": view}
     for record in client.events(of_session(session, "stream"), note, **wanted):
         keys = (*_RECORD, *_measured([record]))

@@ -237,20 +237,20 @@ async def next_of(events: AsyncIterator[Event], count: int) -> list[tuple[str, d
 
 
 async def test_an_episode_is_told_where_it_begins_and_where_it_ends(server: Server, session: str) -> None:
-    async with attached(server, session=session, spec="single") as monitor:
+    async with attached(server, session=session, spec="pair", streams=["/a"]) as monitor:
         await monitor.send(*[make_event(i, at=i * 500, data={"v": 99 if i in (2, 3) else 1}) for i in (1, 2)])
         await monitor.acked(2)
         async with (
-            stream(server, session, "episodes/stream") as events,
-            stream(server, session, "episodes/stream", property="another") as none,
+            stream(server, session, "episodes/stream", property="a_is_small") as events,
+            stream(server, session, "episodes/stream", property="never_zero") as none,
         ):
             ((kind, begun),) = await next_of(events, 1)
-            assert (kind, begun["first"], begun["open"], begun["count"]) == ("begun", 2, True, 1)
+            assert (kind, begun["first"], begun["open"], begun["count"]) == ("begun", 8, True, 1)
             assert begun["explanation"].startswith("a_is_small does not hold at step 2")
             await monitor.send(*[make_event(i, at=i * 500, data={"v": 99 if i in (3, 9) else 1}) for i in range(3, 10)])
             told = await next_of(events, 2)
             assert [(kind, e["first"], e["last"], e["open"]) for kind, e in told] == [
-                ("ended", 2, 3, False), ("begun", 9, None, True),
+                ("ended", 8, 14, False), ("begun", 50, None, True),
             ]  # fmt: skip
             await monitor.detach()
             assert server.http.delete(f"/api/v1/sessions/{session}").status_code == 200
@@ -258,7 +258,7 @@ async def test_an_episode_is_told_where_it_begins_and_where_it_ends(server: Serv
                 rest = [event async for event in events]
                 assert [event["event"] async for event in none] == ["closed"]
     assert [event["event"] for event in rest] == ["ended", "closed"]
-    assert json.loads(rest[0]["data"])["last"] == 9
+    assert json.loads(rest[0]["data"])["last"] == 50
 
 
 async def test_an_episode_of_which_nothing_stands_is_retracted(server: Server, session: str) -> None:
