@@ -6,9 +6,11 @@ They are signed as Standard Webhooks are: HMAC-SHA256 of the id, the time and th
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import hmac
 import secrets
+import socket
 import threading
 import time
 from collections import deque
@@ -27,7 +29,7 @@ MOST = 1_000
 BACKOFF = (1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 60.0)
 """Seconds before each further try of an alarm; then it is dropped."""
 _WITHIN = 10.0
-"""Seconds for each part of one try."""
+"""Seconds for each part of one try; the answer is one of them."""
 _STOP_WITHIN = 2.0
 _TRY_AGAIN = (408, 425, 429)
 """Answers below 500 after which an alarm may be taken later."""
@@ -123,6 +125,7 @@ class _Courier:
             log.warning("alarms are not sent any more: the server stops", url=self.receiver.url, count=len(self._queue))
 
     def _run(self) -> None:
+        waiting = _Waiting()
         with httpx.Client(timeout=_WITHIN, follow_redirects=False, trust_env=False) as http:
             while True:
                 with self._changed:
@@ -131,7 +134,7 @@ class _Courier:
                     if not self._queue:
                         return
                     queued = self._queue[0]
-                reason = self._bring(http, queued)
+                reason = self._bring(http, waiting, queued)
                 if reason is None and self._stopped.is_set():
                     return
                 with self._changed:
@@ -141,12 +144,12 @@ class _Courier:
                     else:
                         self.sent += 1
 
-    def _bring(self, http: httpx.Client, queued: _Queued) -> str | None:
+    def _bring(self, http: httpx.Client, waiting: _Waiting, queued: _Queued) -> str | None:
         """Send an alarm until it is taken; why it is given up, empty where it was taken, None where this must stop."""
         body = encode_bytes({"id": queued.id, **queued.alarm})
         reason = ""
         for wait in (*self._backoff, None):
-            reason, again = _attempt(http, self.receiver, queued, body)
+            reason, again = _attempt(http, waiting, self.receiver, queued, body)
             if not reason:
                 return ""
             if not again or wait is None:
@@ -161,12 +164,44 @@ class _Courier:
             log.warning("alarms are dropped", url=self.receiver.url, reason=reason, count=count, in_all=self.dropped)
 
 
-def _attempt(http: httpx.Client, receiver: Receiver, queued: _Queued, body: bytes) -> tuple[str, bool]:
+class _Waiting:
+    """Waits for answers so long and no longer: httpx counts from the last byte on, and they may come one by one."""
+
+    def __init__(self) -> None:
+        self.in_vain = False
+        self._socket: socket.socket | None = None
+        self._timer = threading.Timer(0, self._cut)
+
+    def __call__(self, event: str, info: Mapping[str, Any]) -> None:
+        """Note what a client does, as it is told by the extension `trace`."""
+        if event in ("connection.connect_tcp.complete", "connection.start_tls.complete"):
+            self._socket = info["return_value"].get_extra_info("socket")
+        elif event == "http11.receive_response_headers.started":
+            self._timer = threading.Timer(_WITHIN, self._cut)
+            self._timer.daemon = True
+            self._timer.start()
+        elif event.startswith("http11.receive_response_headers."):
+            self._timer.cancel()
+
+    def _cut(self) -> None:
+        self.in_vain = True
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # TLS's own would wait for the other side
+
+
+def _attempt(
+    http: httpx.Client, waiting: _Waiting, receiver: Receiver, queued: _Queued, body: bytes
+) -> tuple[str, bool]:
     """Send an alarm once; why that failed, empty where it did not, and whether to try again."""
+    headers, watched = _headers(receiver, queued, body), {"trace": waiting}
+    waiting.in_vain = False
     try:
-        with http.stream("POST", receiver.url, content=body, headers=_headers(receiver, queued, body)) as response:
+        with http.stream("POST", receiver.url, content=body, headers=headers, extensions=watched) as response:
             status = response.status_code
     except httpx.HTTPError as error:
+        if waiting.in_vain:
+            return f"its answer was not whole within {_WITHIN:g} s", True
         return f"{type(error).__name__}: {error}", True
     except Exception as error:  # noqa: BLE001 -- whatever a receiver answers, the next alarm is to be sent
         return f"{type(error).__name__}: {error}", False

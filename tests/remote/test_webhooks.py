@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -112,3 +115,27 @@ def test_a_server_that_stops_waits_for_nobody(receiver: Receiving) -> None:
         webhooks.send({"alarm": "violation"})
         receiver.take()
     assert not any(courier._thread.is_alive() for courier in webhooks._couriers)
+
+
+def test_an_answer_that_comes_byte_by_byte_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each byte came in time, and no other alarm was ever sent."""
+    monkeypatch.setattr("oracle_server.remote.webhooks._WITHIN", 0.2)
+
+    def answer_twice(listener: socket.socket) -> None:
+        for _ in range(2):
+            connection, _ = listener.accept()
+            with connection, contextlib.suppress(OSError):
+                connection.recv(65_536)
+                connection.sendall(b"HTTP/1.1 200 OK\r\nX: ")
+                while True:
+                    connection.sendall(b"a")
+                    time.sleep(0.01)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        serving = threading.Thread(target=answer_twice, args=(listener,), daemon=True)
+        serving.start()
+        with hooks(f"http://127.0.0.1:{listener.getsockname()[1]}/", backoff=(0,)) as webhooks:
+            webhooks.send({"alarm": "violation"})
+            until(lambda: webhooks.dropped == 1)
+        serving.join(PATIENCE)
+        assert not serving.is_alive(), "it was tried again, and cut off each time"
