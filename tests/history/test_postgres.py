@@ -345,11 +345,13 @@ async def test_a_commit_that_hangs_is_made_once(postgres: Postgres, monkeypatch:
     await asyncio.to_thread(history.close)
 
 
+@pytest.mark.parametrize("told", ["notice", "error"])
 async def test_a_commit_that_an_administrator_cancels_is_not_told_before_a_standby_has_it(
-    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch, told: str
 ) -> None:
-    """PostgreSQL answers that it is committed, with a warning that a standby may not have it."""
+    """PostgreSQL answers that it is committed, with a warning that a standby may not have it; a role may want none."""
     url = postgres.empty()
+    postgres.do(f"ALTER ROLE tests SET client_min_messages = {told}")
     history = await begun(url, 0.5)
     history.open_session(opened())
     await add(history, step(1))
@@ -369,6 +371,7 @@ async def test_a_commit_that_an_administrator_cancels_is_not_told_before_a_stand
     finally:
         postgres.do("ALTER SYSTEM RESET synchronous_standby_names")
         postgres.reload("synchronous_standby_names", "")
+        postgres.do("ALTER ROLE tests RESET client_min_messages")
     async with asyncio.timeout(PATIENCE):
         await history.flush()
     assert heard == [2]
