@@ -71,7 +71,7 @@ def _as_one(trace: Path, place: Path) -> Path:
         else:
             files = sorted(path for path in trace.iterdir() if path.is_file() and _of_bag(path))
         place.mkdir()
-        packed = place / (trace.absolute().name or "recording")
+        packed = place / (trace.resolve().name or "recording")
         with tarfile.open(packed, "w", dereference=True) as archive:
             for path in files:
                 archive.add(path, path.name)

@@ -61,7 +61,7 @@ def test_what_can_not_be_judged_is_told_and_leaves_nothing(tmp_path: Path) -> No
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
-@pytest.mark.parametrize("what", ["split", "log", "folder with a log", "promised"])
+@pytest.mark.parametrize("what", ["split", "around a folder", "log", "folder with a log", "promised"])
 def test_all_files_of_a_bag_are_judged(what: str, tmp_path: Path) -> None:
     """As `replay` judges them: what a killed recorder has left in the log of its database, too."""
     spec = write_spec(
@@ -74,10 +74,13 @@ def test_all_files_of_a_bag_are_judged(what: str, tmp_path: Path) -> None:
         path = bag / "metadata.yaml"
         path.write_text(path.read_text().replace("message_count: 4", "message_count: 9"))
         told = "/x: 4 of the 9 messages that it should have could be read"
-    elif what == "split":
+    elif what in ("split", "around a folder"):
         (bag / "metadata.yaml").unlink()
         more = write_numbers(tmp_path / "more", {"/x": [(at, float(at)) for at in range(4, 8)]}, StoragePlugin.SQLITE3)
         (more / "more.db3").rename(bag / "bag_2.db3")
+        if what == "around a folder":
+            (bag / "pictures").mkdir()
+            trace = bag / "pictures" / ".."
     else:
         (bag / "metadata.yaml").unlink()
         with_log(bag / "bag.db3", [(BASE + at * MS, float(at)) for at in range(4, 8)])
