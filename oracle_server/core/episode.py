@@ -15,13 +15,14 @@ class Worst(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     """The worst of an episode: its least `robustness`, or the `value` furthest from its bound.
 
     `signal` is what was compared by `op` with a `bound`, which is the value of the signal `than`, where there is one.
+    Whole numbers stay such when they are read back.
     """
 
     robustness: Number = None
     signal: str | None = None
     op: str | None = None
-    bound: float | None = None
-    value: float | None = None
+    bound: int | float | None = None
+    value: int | float | None = None
     than: str | None = None
 
     def graver(self, other: Worst | None) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oracle_server.core.episode import Episode, Following, Worst
+from oracle_server.core.episode import Episode, Following, Worst, loaded, saved
 from oracle_server.core.following import Said, follow_said
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
@@ -207,6 +207,14 @@ def test_live_judging_and_judging_again_give_the_same(
     check(rows, there, kept(rows))
     again = [again for row in rows if (again := back.rejudge(row.order, row.step, row.judged))]
     assert [row.episodes for row in again] == [row.episodes for row in rows]
+
+
+def test_a_snapshot_keeps_whole_numbers_whole() -> None:
+    worst = Worst(signal="v", op="<=", bound=5, value=2**53 + 1)
+    known = Following(4, (Episode(1, 2, 3, 4, True, False, 1, worst),))
+    (back,) = loaded(json.loads(json.dumps(saved(known)))).episodes
+    assert back is not None
+    assert repr(back.worst) == repr(worst)
 
 
 @settings(max_examples=80, deadline=None)
