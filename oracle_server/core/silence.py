@@ -219,7 +219,7 @@ def _computed(spec: Spec, formula: Formula) -> Iterator[tuple[str, str]]:
     quiet = without_signals(lasting(spec, {by for each in fading for by in each.by}))
     if present(formula, quiet) is True:
         return
-    computed = _in_silence(spec, [each.name for each in fading])
+    computed = _in_silence(spec, fading)
     for atom, wanted in _signed(formula):
         for c in atom.constraints if quiet(atom) is not False else ():
             if c.key in computed and not isinstance(c.value, Any | Ref | Signal | Limit):
@@ -228,17 +228,25 @@ def _computed(spec: Spec, formula: Formula) -> Iterator[tuple[str, str]]:
                     yield c.key, of
 
 
-def _in_silence(spec: Spec, fading: Sequence[str]) -> dict[str, tuple[Scalar, str]]:
-    """What is computed of signals that `fading` to 0 alone, by its name: its value then, and one of these signals."""
-    values: dict[str, Scalar] = dict.fromkeys(fading, 0)
-    sources = {name: name for name in fading}
+def _in_silence(spec: Spec, fading: Sequence[Definition]) -> dict[str, tuple[Scalar, str]]:
+    """What is computed of signals that are `fading` to 0 alone, by its name: its value then, and one of these signals.
+
+    Of what has no value then, as `1 / often`, it is the value of before, while the last sample is in the window.
+    """
+    last = {each.name: 10**9 / each.over if each.op == "rate" and each.over else 1 for each in fading}
+    return _computed_of(spec, last) | _computed_of(spec, dict.fromkeys(last, 0))
+
+
+def _computed_of(spec: Spec, known: Mapping[str, Scalar]) -> dict[str, tuple[Scalar, str]]:
+    """What is computed of these values alone, by its name: its value, and the name of one of these."""
+    values, sources = dict(known), {name: name for name in known}
     session = Session()
     for each in spec.derive:
         of = [sources[name] for name in each.operands if name in sources] if each.op == "expression" else []
         value = Arithmetic(each, session).value(0, 0, values, ()) if of else None
         if value is not None and not isinstance(value, Lack):
             values[each.name], sources[each.name] = value, of[0]
-    return {name: (values[name], of) for name, of in sources.items() if name not in fading}
+    return {name: (values[name], of) for name, of in sources.items() if name not in known}
 
 
 def _at_steps(formula: Formula) -> Formula | None:

@@ -25,6 +25,8 @@ derive:
   last_ten: {{count: '{{topic: /scan}}', over: 10}}
   per_minute: often * 60
   few: per_minute < 300
+  period: 1 / often
+  period_ms: period * 1000
   share: lately / (last_ten + 1)
   part: lately / (often + 1)
 properties:
@@ -97,6 +99,8 @@ def test_what_is_held_comes_with_each_message_and_tells_no_silence(prop: str, ev
         ("pattern: 'always not {few}'", "few"),
         ("formula: '{per_minute != 0}'", "per_minute"),
         ("formula: '{few} -> {mode: STOP}'", "few"),
+        ("formula: 'not {period > 0.2}'", "period"),  # which fails once there is none
+        ("formula: '{period_ms <= 200}'", "period_ms"),
     ],
 )
 def test_what_is_computed_of_a_rate_has_no_deadline(prop: str, what: str, time: str) -> None:
@@ -190,6 +194,8 @@ def test_a_requirement_that_is_about_messages_is_told_to_be_written_otherwise(pr
         "formula: 'not {per_minute > 3000}'",
         "formula: '{per_minute > 3000} -> {mode: FAST}', time: seconds",
         "pattern: 'always {few: *} and {part < 3}'",
+        "formula: 'not {period < 0.01}'",
+        "formula: '{topic: /scan} -> {period <= 0.2}', time: seconds",
         "formula: 'not {share < 1}'",  # silence alone does not tell what it comes to
         "pattern: '/scan every 2s'",
         "pattern: '/mode {mode: AUTO} every 2s'",
