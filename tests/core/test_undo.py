@@ -70,6 +70,15 @@ def test_an_attempt_leaves_no_latch_and_holds_nothing() -> None:
     assert [s.violations for s in states] == [2, 2], "each attempt is one"
 
 
+def test_an_attempt_leaves_what_was_held_before() -> None:
+    stays = prop("q", '{topic: "/b"} -> {v: 1}')
+    session = session_of(prop("p", "not {v: 9}", **GUARD), stays, hold=frozenset({"v"}))
+    feed = Feed(session)
+    judged = feed(A, 1, {"v": 1}, ask=True) + feed(A, 2, {"v": 9}, ask=True)
+    assert decisions(judged) == ["allow", "deny"]
+    assert [v.outcome.value for v in feed(B, 3)[0].verdicts] == ["currently_true", "currently_true"]
+
+
 def test_events_that_were_not_asked_about_are_kept() -> None:
     session = session_of(prop("p", 'historically not {topic: "/a", v > 5}', **GUARD))
     assert outcomes(Feed(session)(A, 1, {"v": 9})) == ["false"]
