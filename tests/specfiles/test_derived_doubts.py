@@ -237,3 +237,28 @@ def test_what_is_forgotten_has_not_left_its_state_in_time(forget: str) -> None:
     (found,) = derived(of, "up: '{amount: 1}'")
     assert found.endswith("write a `forget` that is longer than the `within` of 3s")
     assert derived(of.replace(f"forget: {forget}", "forget: 4s"), "up: '{amount: 1}'") == []
+
+
+@pytest.mark.parametrize(
+    ("prop", "says"),
+    [
+        ("pattern: '/n at most 0.1 Hz over 2s'", "one in 2s is 0.5 Hz already, so that 0.1 Hz asks only whether any "
+         "came; take it over 10s, or more"),
+        ("pattern: '/n at least 0.3 hertz over 2s'", "one in 2s is 0.5 Hz already, so that 0.3 Hz asks only whether "
+         "any came; take it over 4s, or more"),
+        ("pattern: '/n at most 3Hz over 200ms'", "one in 200ms is 5 Hz already, so that 3 Hz asks only whether any "
+         "came; take it over 334ms, or more"),
+        ("formula: 'not {often < 0.25}', time: seconds", "one in 2s is 0.5 Hz already, so that 0.25 Hz asks only "
+         "whether any came; take it over 4s, or more"),
+        ("pattern: '/n at most 0.5 Hz over 2s'", None),
+        ("pattern: '/n at least 0.5 Hz over 2s'", None),
+        ("pattern: '/n at most 0 Hz over 2s'", None),
+        ("pattern: 'at most 0 /n within 2s'", None),
+        ("formula: 'not {often < 0.5}', time: seconds", None),
+        ("formula: 'not {lately > 0}', time: seconds", None),
+    ],
+)  # fmt: skip
+def test_a_rate_by_which_less_than_one_comes_in_its_window(prop: str, says: str | None) -> None:
+    derive = "derive: {often: {rate: '{topic: /n}', over: 2s}, lately: {count: '{topic: /n}', over: 2s}}\n"
+    found = [each.split(": ", 1)[1] for each in told(f"{derive}properties: [{{id: p, {prop}}}]\n")]
+    assert [each for each in found if "already" in each] == ([] if says is None else [says])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from math import ceil
 
 from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import Definition
@@ -17,9 +19,12 @@ from oracle_server.core.misfits import described, misfits, range_at
 from oracle_server.core.namesakes import named, namesake
 from oracle_server.core.places import Place, places
 from oracle_server.core.signals import is_signal
-from oracle_server.core.spec import Spec
+from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.typed import StreamTypes
+from oracle_server.core.units import span
 from oracle_server.core.withholding import lasting, present, without_signals
+
+_AT_MOST = re.compile(r"\bat\s+most\s+(\d+(?:\.\d+)?)\s*(?:hz|hertz)\b", re.IGNORECASE)
 
 
 def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
@@ -38,6 +43,7 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield _warning(definition, path, message, None)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
+    yield from _less_than_one(spec)
 
 
 def _doubts(formula: Formula, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
@@ -133,6 +139,34 @@ def _written_as(state: str) -> Iterator[Scalar]:
         value = json.loads(state)
         if is_signal(value) and canonical(value) == state:
             yield value
+
+
+def _less_than_one(spec: Spec) -> Iterator[SpecProblem]:
+    """Rates by which less than one would come in the window: whether any comes is all that can be told by them."""
+    derived = {d.name: d for d in spec.derive if d.timed}
+    for i, prop in enumerate(spec.properties):
+        for atom in prop.atoms:
+            for constraint in atom.constraints:
+                found = derived.get(constraint.key)
+                rate = _rate_asked(prop, constraint, found) if found is not None else None
+                if found is None or found.over is None or rate is None or not 0 < rate * found.over < SECOND:
+                    continue
+                unit = SECOND if rate <= 1 else SECOND // 1_000
+                enough = ceil(SECOND / rate / unit) * unit
+                message = (
+                    f"formula of '{prop.id}': one in {span(found.over)} is {SECOND / found.over:g} Hz already, so that "
+                    f"{rate:g} Hz asks only whether any came; take it over {span(enough)}, or more"
+                )
+                yield SpecProblem(("properties", i, "formula"), message, atom.at, severity="warning")
+
+
+def _rate_asked(prop: Property, constraint: Constraint, definition: Definition) -> float | None:
+    """How many a second a constraint asks for; None where it asks for something else."""
+    value = constraint.value
+    if definition.op == "rate" and constraint.op not in ("==", "!=") and isinstance(value, float | int):
+        return value
+    at_most = _AT_MOST.search(prop.text) if definition.op == "count" and definition in prop.measures else None
+    return float(at_most[1]) if at_most else None
 
 
 def _warning(definition: Definition, path: KeyPath, message: str, at: Position | None) -> SpecProblem:
