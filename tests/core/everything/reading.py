@@ -283,13 +283,21 @@ class Reading(ReadingOwed):
                 self.seen["turned"] += 1
 
     def _is_keyed(self, prop: Property) -> bool:
-        """Whether a property reads what is kept by key, or what is there only while another derived signal is."""
+        """Whether a property reads what is kept by key, or what is there only while another derived signal is.
+
+        Or an expression over such a signal, which causes no tick.
+        """
         known = {d.name: d for d in self.spec.derive}
         read = {c.key for atom in tree.atoms(prop.formula) for c in atom.constraints}
         for d in reversed(self.spec.derive):
             read |= {*d.reads} if d.name in read else set()
         mine = [d for name, d in known.items() if name in read]
-        return any(d.by or (d.op in ("previous", "delta") and d.of in known) for d in mine)
+        return any(
+            d.by
+            or (d.op in ("previous", "delta") and d.of in known)
+            or (d.op == "expression" and not known.keys().isdisjoint(d.operands))
+            for d in mine
+        )
 
 
 def _holds(outcome: Outcome) -> bool | None:
