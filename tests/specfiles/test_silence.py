@@ -27,6 +27,7 @@ derive:
   few: per_minute < 300
   period: 1 / often
   period_ms: period * 1000
+  gap: 1 / lately
   share: lately / (last_ten + 1)
   part: lately / (often + 1)
 properties:
@@ -101,6 +102,7 @@ def test_what_is_held_comes_with_each_message_and_tells_no_silence(prop: str, ev
         ("formula: '{few} -> {mode: STOP}'", "few"),
         ("formula: 'not {period > 0.2}'", "period"),  # which fails once there is none
         ("formula: '{period_ms <= 200}'", "period_ms"),
+        ("formula: '{period < 2}'", "period"),  # the last one in 2 s is half a one each second
     ],
 )
 def test_what_is_computed_of_a_rate_has_no_deadline(prop: str, what: str, time: str) -> None:
@@ -195,6 +197,10 @@ def test_a_requirement_that_is_about_messages_is_told_to_be_written_otherwise(pr
         "formula: '{per_minute > 3000} -> {mode: FAST}', time: seconds",
         "pattern: 'always {few: *} and {part < 3}'",
         "formula: 'not {period < 0.01}'",
+        "formula: '{period <= 2}'",
+        "formula: '{gap <= 1}'",
+        "formula: 'not {topic: /odom, idle > 1} and {mode: AUTO}'",  # silence has no /odom
+        "formula: 'not {topic: /odom, per_minute < 300} and {mode: AUTO}', time: seconds",
         "formula: '{topic: /scan} -> {period <= 0.2}', time: seconds",
         "formula: 'not {share < 1}'",  # silence alone does not tell what it comes to
         "pattern: '/scan every 2s'",
