@@ -105,6 +105,13 @@ class TestAsks:
         (again,) = side.receive("ack", upto=4)
         assert again.message == full.message
 
+    def test_what_is_too_large_is_told_once_of_each_stream(self, side: Side) -> None:
+        side.attach(limits={"max_frame": 4000})
+        for stream in ("/map", "/scan", "/map"):
+            side.protocol.send(None, f'"stream":"{stream}","kind":"topic","data":"{"x" * 4000}"}}')
+        told = [notice.message.partition(" is too")[0] for notice in side.receive("ack", upto=0)]
+        assert told == ['an event of "/map"', 'an event of "/scan"']
+
     def test_closing_answers_all_and_tells_what_was_done(self, side: Side) -> None:
         side.attach()
         side.queued()
