@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import array
 import importlib
 import json
 import math
@@ -18,9 +19,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
+numpy = pytest.importorskip("numpy")
 codec = pytest.importorskip("oracle_ros2.codec")
 adapter = pytest.importorskip("oracle_adapter")
 serialization = pytest.importorskip("rclpy.serialization")
+singles = pytest.importorskip("oracle_ros2.singles")
 stamps = pytest.importorskip("oracle_ros2.stamps")
 
 # rclpy imports an old lark with its first message, and warns by a function of its own that is deprecated.
@@ -135,6 +138,21 @@ def test_any_number_comes_back(width: int, data: st.DataObject) -> None:
     kind = type_of(f"std_msgs/msg/Float{width}")
     number = data.draw(st.floats(width=width, allow_nan=False))
     assert repr(codec.write(kind(), sent(kind(data=number))).data) == repr(number)
+
+
+POWERS = [2.0**power for power in range(-149, 128)]
+
+
+@pytest.mark.parametrize("name", ["sequence", "array"])
+def test_a_long_list_of_32_bit_numbers_has_those_that_one_by_one_have(name: str) -> None:
+    chance = random.Random(name)
+    near = [struct.unpack("<I", struct.pack("<f", power))[0] + step for power in POWERS for step in range(-3, 4)]
+    bits = [*(chance.getrandbits(32) for _ in range(20_000)), *(number for number in near if number >= 0)]
+    numbers = [struct.unpack("<f", struct.pack("<I", one))[0] for one in bits]
+    numbers += [chance.uniform(-30, 30) for _ in range(20_000)] + [number / 1000 for number in range(2000)]
+    values = array.array("f", numbers) if name == "sequence" else numpy.array(numbers).astype(numpy.float32)
+    found = singles.all_shortest(values)
+    assert list(map(repr, found)) == [repr(singles.shortest(value)) for value in values]
 
 
 @settings(max_examples=300, deadline=None)

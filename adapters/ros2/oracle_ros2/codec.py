@@ -13,9 +13,10 @@ import struct
 from functools import lru_cache
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
-import numpy
 from oracle_adapter.fields import grouped
 from rclpy.type_support import check_for_type_support
+
+from oracle_ros2.singles import all_shortest, shortest
 
 Read = Callable[[Any], Any]
 
@@ -77,7 +78,7 @@ def _value_reader(kind: str, inner: list[str] | None) -> Read:
     if "/" in kind:
         return reader(load_type(kind), inner)
     if kind == "float":
-        return _single
+        return shortest
     if kind in ("octet", "byte"):
         return lambda value: value[0] if isinstance(value, bytes) else value
     return lambda value: value
@@ -87,13 +88,11 @@ def _sequence_reader(kind: str) -> Read:
     if kind in _BYTES:
         return lambda values: b"".join(values) if isinstance(values, list) else bytes(values)
     if kind == "float":
-        return lambda values: [_single(value) for value in values]
+        return all_shortest
+    if "/" not in kind:
+        return lambda values: values.tolist() if hasattr(values, "tolist") else list(values)
     one = _value_reader(kind, None)
-    return lambda values: [one(value) for value in (values.tolist() if hasattr(values, "tolist") else values)]
-
-
-def _single(value: float) -> float:
-    return float(str(numpy.float32(value)))
+    return lambda values: [one(value) for value in values]
 
 
 def write(message: Any, data: Mapping[str, Any], place: str = "") -> Any:
