@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ __all__ = ["pytestmark", "scene"]
 numbering = pytest.importorskip("oracle_ros2.numbering")
 serialization = pytest.importorskip("rclpy.serialization")
 endpoints = pytest.importorskip("oracle_ros2.endpoints")
+standing = pytest.importorskip("oracle_ros2.standing")
 msg = pytest.importorskip("std_msgs.msg")
 duration = pytest.importorskip("rclpy.duration")
 
@@ -87,3 +89,19 @@ def test_a_message_that_comes_on_two_subscriptions_is_taken_once_without_numbers
             assert one.handle.take_message(msg.Int64, True) is None
     assert taken == [*range(10)]
     heard.stop()
+
+
+def test_status_arrays_that_are_lost_count_also_where_the_next_one_says_nothing_new(scene: Scene) -> None:
+    """Who did not see a goal end, and start to end otherwise, must not take what follows for all there was."""
+    sent: list[tuple[str, int]] = []
+    link = SimpleNamespace(send=lambda *_, status, lost, **__: sent.append((status, lost)))
+    shared = SimpleNamespace(node=scene.peer().node, link=link)
+    stream = standing.StatusStream(shared, {"name": "/dock", "kind": "status", "latency": 0})
+    info, goal = kilted(1, 1) | {"source_timestamp": 2**62}, b"a" * 16
+    stream.take({goal: 1}, info, 0)
+    stream.take({goal: 1}, info, 2)
+    stream.take({goal: 2}, info, 1)
+    stream.miss(1)
+    stream.take({goal: 4}, info, 0)
+    stream.take({goal: 2}, info, 0)
+    assert sent == [("accepted", 0), ("executing", 3), ("succeeded", 1), ("executing", 0)]

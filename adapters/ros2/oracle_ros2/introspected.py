@@ -247,6 +247,7 @@ class IntrospectedAction:
             statuses = read(array)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             self._board.failed(self.name, f"a status array of {self.name}", error)
+            self._status.miss(lost + 1)
             return
         self._status.take(statuses, info, lost)
 

@@ -41,9 +41,14 @@ class StatusStream:
         self.latency: int | None = None if stamped_here else stream["latency"]
         self.time_source: TimeSource = "arrival" if self._timed_here else "middleware"
         self._transitions = Transitions()
+        self._lost = 0  # since the last event
+
+    def miss(self, lost: int) -> None:
+        """Count arrays that were lost, or could not be read, for the next event."""
+        self._lost += lost
 
     def take(self, statuses: Statuses, info: Mapping[str, Any], lost: int) -> None:
-        """Report what an array says that its publisher's last one did not.
+        """Report what an array says that its publisher's last one did not; `lost` were lost before it.
 
         One that was kept for late subscribers is where the others begin.
         """
@@ -54,11 +59,12 @@ class StatusStream:
         stamp: Stamp = self._now
         if not self._stamped_here:
             stamp = (self._now() if self._timed_here else published) or None
+        self.miss(lost)
         for goal, status in self._transitions.of(source, statuses):
             self._link.send(
-                self.name, self.kind, stamp, {}, source=source, lost=lost, goal_id=goal.hex(), status=word(status)
+                self.name, self.kind, stamp, {}, source=source, lost=self._lost, goal_id=goal.hex(), status=word(status)
             )
-            lost = 0
+            self._lost = 0
 
     def keep(self, sources: list[str]) -> None:
         """Forget publishers that have ended."""
@@ -182,6 +188,8 @@ class RelayedStatus:
                 statuses = read(array)
             except Exception as error:  # noqa: BLE001 - whatever another node sends
                 self._board.failed(self._name, f"a status array of {self._name}", error)
+                if self.observed is not None:
+                    self.observed.miss(lost + 1)
                 continue
             self.statuses = statuses
             self._waiting.append((array, statuses, since))
