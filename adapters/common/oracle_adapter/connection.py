@@ -8,7 +8,7 @@ import re
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional
-from urllib.parse import urlsplit, urlunsplit
+from urllib.parse import SplitResult, urlsplit, urlunsplit
 
 from websockets.exceptions import WebSocketException
 
@@ -78,7 +78,7 @@ def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> 
     found = [attach_url(url.strip()) for url in urls.split(",")]
     plain = [url for url in found if not url.startswith("wss:")]
     if tls is not None and plain:
-        raise ValueError(f"tls needs a wss:// or https:// address, not {plain[0]!r}")
+        raise ValueError(f"tls needs a wss:// or https:// address, not {Address(plain[0]).shown!r}")
     if len(plain) == len(found):
         return [Address(url, token) for url in found]
     context = Renewed(os.environ).context if tls is None else lambda: tls
@@ -103,15 +103,33 @@ def attach_url(url: str) -> str:
     """
     if url.startswith(UNIX):
         if not url.startswith(UNIX + "/"):
-            raise ValueError(f"{url!r} is no address like unix:///run/oracle/oracle.sock")
+            raise _no_address(url, "unix:///run/oracle/oracle.sock")
         return url
-    parts = urlsplit(url)
+    try:
+        parts = urlsplit(url)
+    except ValueError:  # its text may have the password
+        raise _no_address(url) from None
     scheme = {"ws": "ws", "http": "ws", "wss": "wss", "https": "wss"}.get(parts.scheme)
-    if scheme is None or not _is_host(parts.hostname) or parts.port == 0:  # a bad port raises
-        raise ValueError(f"{url!r} is no address like ws://127.0.0.1:8642")
+    if scheme is None or not _is_host(parts.hostname):
+        raise _no_address(url)
+    if not _has_port(parts):  # it is not shown: it may be what a password has before its `/`
+        raise ValueError(f"the port of {parts.hostname} is none from 1 to 65535")
     path = parts.path.rstrip("/")
     path = path if path.endswith(PATH) else path + PATH
     return urlunsplit((scheme, parts.netloc, path, parts.query, ""))
+
+
+def _no_address(url: str, like: str = "ws://127.0.0.1:8642") -> ValueError:
+    shown = re.sub(r"^([a-z]+://)?.*@", r"\1", url)  # without what may be a password
+    return ValueError(f"{shown!r} is no address like {like}")
+
+
+def _has_port(parts: SplitResult) -> bool:
+    """Whether there is a port that can be, or none, as where it is the scheme's."""
+    try:
+        return parts.port != 0
+    except ValueError:
+        return False
 
 
 def _is_host(name: Optional[str]) -> bool:

@@ -153,6 +153,26 @@ class TestAttaching:
         assert oracle.url in told
         assert "secret" not in told
 
+    @pytest.mark.parametrize(
+        "url",
+        [
+            "ftp://uav1:secret@h",
+            "uav1:secret@h",
+            "unix://uav1:secret@h",
+            "http://uav1:secret@robot..local:1",
+            "http://uav1:secret/secret@h:1",
+            "http://uav1:secret#@h",
+            "http://uav1:secret[@h",
+            "http://uav1:secret\u2100@h",
+            "http://h,http://uav1:secret,secret@h",
+            "http://uav1:secret@h",  # tls needs another one
+        ],
+    )
+    def test_nor_is_that_of_an_address_that_is_none(self, url: str) -> None:
+        with pytest.raises(ValueError, match=r"address|port") as refused:
+            Link(url, "uav1", tls=ssl.create_default_context())
+        assert "secret" not in str(refused.value)
+
     def test_tls_needs_a_tls_address(self) -> None:
         with pytest.raises(ValueError, match="wss://"):
             Link("ws://127.0.0.1:8642", "uav1", tls=ssl.create_default_context())
