@@ -63,11 +63,18 @@ class Board:
     # For the link, as its callbacks
 
     def on_verdicts(self, frame: Mapping[str, Any]) -> None:
-        """Show the state of the properties."""
+        """Show the state of the properties; what can't be read is unknown, and a trouble."""
+        why = ""
         with self._lock:
-            self._properties = frame["properties"]
-            self._recent.take(self._properties)
-        self._show_verdict(str(frame["worst"]))
+            try:
+                self._properties, worst = frame["properties"], str(frame["worst"])
+                self._recent.take(self._properties)
+                self._property_statuses()
+            except Exception as error:  # noqa: BLE001 - whatever a server sends
+                self._properties, worst = {}, UNKNOWN
+                why = f"what the oracle says of them can't be read: {error!r}"
+        self._show_verdict(worst)
+        self.trouble("properties", why)
 
     def on_violation(self, record: Mapping[str, Any]) -> None:
         """Show a violation, of a server that does not tell of episodes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import Any, Dict, Optional
 
 import pytest
 from oracle_adapter import Answer, Board, LinkError, Stats, graph_name
@@ -276,3 +276,28 @@ def test_no_robot_writes_to_the_operators_terminal(board: Board, screen: Screen)
     ]
     assert len([text for text in shown if "x\\x1b[2J\\r\\nviolation 99" in text]) >= 7
     assert all(text.isprintable() for text in shown)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        {"properties": {"safe": 1}, "worst": "true"},
+        {"properties": {"safe": {"level": "ok"}}, "worst": "true"},
+        {"properties": {"safe": {"level": [], "text": "holds"}}, "worst": "true"},
+        {"properties": {"safe": {"level": "ok", "text": "", "episode": 1}}, "worst": "true"},
+        {"properties": ["safe"], "worst": "true"},
+        {"properties": {}},
+    ],
+)
+def test_verdicts_that_cannot_be_read_are_unknown_and_told(
+    frame: Dict[str, Any], screen: Screen, board: Board
+) -> None:
+    board.on_state("attached", "s")
+    board.on_verdicts(frame)
+    board.tick(Stats())
+    assert screen.verdicts == ["unknown"]
+    assert "properties: what the oracle says of them can't be read" in screen.errors[-1]
+    board.on_verdicts(told("true", safe=("ok", "holds")))
+    board.tick(Stats())
+    assert screen.verdicts == ["unknown", "true"]
+    assert "properties: recovered" in screen.infos[-1]
