@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Dict, Iterable, List, Mapping
 
 OWN = ("/diagnostics", "/rosout")
@@ -27,7 +28,7 @@ def doubtful(publishers: Mapping[str, Iterable[str]]) -> Dict[str, str]:
         node: topic
         for topic, nodes in publishers.items()
         for node in nodes
-        if not node.endswith(_called(topic))
+        if not _plain(node).endswith(_called(topic))
     }
 
 
@@ -42,4 +43,9 @@ def doubt_text(doubtful_nodes: Mapping[str, str], speakers: Iterable[str]) -> st
 
 def _called(errors: str) -> str:
     """How the node's name ends of the monitor that has a topic of errors."""
-    return errors[: -len(ERRORS)].strip("/").replace("/", "_")
+    return _plain(errors[: -len(ERRORS)].strip("/"))
+
+
+def _plain(name: str) -> str:
+    """A name in which topics and nodes of a monitor are alike: each has a `_` where it must."""
+    return re.sub("[/_]+", "_", name)
