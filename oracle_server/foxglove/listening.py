@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
+import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, cast
+from functools import wraps
+from typing import TYPE_CHECKING, NamedTuple, ParamSpec, TypeVar, cast
 
 import structlog
 
@@ -17,14 +20,15 @@ from oracle_server.wire.json import encode_bytes
 if TYPE_CHECKING:
     from foxglove.websocket import ChannelView, Client, ServerListener
 
+Args = ParamSpec("Args")
+T = TypeVar("T")
 _BACKLOG = 1_024
 """Messages that wait for a client that does not read; of more the oldest are dropped."""
 _FULL = "foxglove.websocket.connected_client.send_lossy"
-_OTHERS = {
-    _FULL: "a client of Foxglove reads too slowly, and misses the oldest messages",
-    "foxglove.websocket.server": "Foxglove's port",
-}
-"""The library's loggers whose lines clients cause, with what is said before these."""
+"""The library's logger that tells of that."""
+_LEVEL = "FOXGLOVE_LOG_LEVEL"
+_END_WITHIN = 2.0
+"""Seconds for clients to take what waits for them, when all connections end."""
 
 log = structlog.get_logger()
 
@@ -60,6 +64,7 @@ class Listening:
         _set_up_logs(foxglove.set_log_level)
         self._foxglove, self._context = foxglove, foxglove.Context()
         self._offered: dict[int, Offered] = {}
+        self._calls = threading.Lock()
         self.subscribed: Callable[[Offered], None] = lambda _: None
         """Called from a thread of the library's when a client has subscribed to a channel."""
         try:
@@ -77,11 +82,12 @@ class Listening:
         """Offer a channel: until it is withdrawn, whoever connects is told of it."""
         name, content = channel.schema
         schema = self._foxglove.Schema(name=name, encoding="jsonschema", data=encode_bytes(content))
-        made = self._foxglove.Channel(
+        made = self._alone(self._foxglove.Channel)(
             channel.topic, schema=schema, message_encoding="json", context=self._context,
             metadata=dict(channel.metadata),
         )  # fmt: skip
-        offered = Offered(made.id(), channel.schema, made.log, made.has_sinks, made.close)
+        send, is_read, close = self._alone(made.log), self._alone(made.has_sinks), self._alone(made.close)
+        offered = Offered(made.id(), channel.schema, send, is_read, close)
         self._offered[offered.number] = offered
         return offered
 
@@ -99,8 +105,24 @@ class Listening:
             offered.catch_up()
 
     def close(self) -> None:
-        """End all connections, and listen no more."""
-        self._server.stop()
+        """End all connections, and listen no more. A client that does not read is waited for a little: it blocks."""
+        ending = threading.Thread(target=self._alone(self._server.stop), name="foxglove ending", daemon=True)
+        ending.start()
+        ending.join(_END_WITHIN)
+
+    def _alone(self, call: Callable[Args, T]) -> Callable[Args, T]:
+        """A call of the library's, made by one thread at a time.
+
+        The library logs that a client is slow while it has the client locked. Another thread that has the interpreter,
+        and waits for that lock, would never let it log: both would stand still, and with them the server.
+        """
+
+        @wraps(call)
+        def alone(*args: Args.args, **named: Args.kwargs) -> T:
+            with self._calls:
+                return call(*args, **named)
+
+        return alone
 
     def _on_subscribe(self, number: int) -> None:
         offered = self._offered.get(number)
@@ -164,16 +186,27 @@ class _Clients:
 
 
 def _set_up_logs(begin: Callable[[str], None]) -> None:
-    """Of the library's log keep what is wrong, and that a client is slow: one line a second of each kind."""
-    logging.getLogger("foxglove").setLevel(logging.WARNING)
+    """Of the library's log keep that a client is slow, one line a second; its own threads log nothing.
+
+    They have locked what a thread that has the interpreter may wait for (see `Listening._alone`), and whoever connects
+    can make them log. Only the variable of the environment has a level for each logger, and it comes before the other.
+    """
     logging.getLogger(_FULL).setLevel(logging.INFO)
     seldom = Seldom()
-    for name, text in _OTHERS.items():
 
-        def let_through(record: logging.LogRecord, text: str = text) -> bool:
-            record.levelno, record.levelname = logging.WARNING, "WARNING"
-            record.msg, record.args = f"{text}: {record.getMessage()}", ()
-            return bool(seldom.due(record.name))
+    def let_through(record: logging.LogRecord) -> bool:
+        record.levelno, record.levelname = logging.WARNING, "WARNING"
+        text = "a client of Foxglove reads too slowly, and misses the oldest messages"
+        record.msg, record.args = f"{text}: {record.getMessage()}", ()
+        return bool(seldom.due(record.name))
 
-        logging.getLogger(name).addFilter(let_through)
-    begin("INFO")
+    logging.getLogger(_FULL).addFilter(let_through)
+    given = os.environ.get(_LEVEL)
+    os.environ[_LEVEL] = f"off,{_FULL.replace('.', '::')}=info"
+    try:
+        begin("CRITICAL")
+    finally:
+        if given is None:
+            del os.environ[_LEVEL]
+        else:
+            os.environ[_LEVEL] = given

@@ -59,7 +59,7 @@ class Live:
             for task in self._tasks.values():
                 task.cancel()
             await asyncio.gather(*self._tasks.values(), return_exceptions=True)
-            self._listening.close()
+            await asyncio.to_thread(self._listening.close)
 
     def _look(self) -> None:
         """Begin with the sessions that were opened since the last look."""

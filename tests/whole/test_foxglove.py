@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,7 @@ async def test_a_client_that_does_not_read_delays_nobody(start: Starts) -> None:
         await viewer.until(lambda: viewer.of("/s/a") and viewer.of("/s/a")[-1].data["seq"] == last - 1)
         server.said("a client of Foxglove reads too slowly, and misses the oldest messages")
         assert (await monitor.ask(last, at=last, data={"v": 1}))["decision"] == "allow"
+        assert await asyncio.to_thread(server.stop) == 0
 
 
 async def test_it_is_refused_where_a_token_would_be_needed(start: Starts, tmp_path: Path) -> None:
