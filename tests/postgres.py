@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Self
 from urllib.parse import quote
@@ -85,11 +85,17 @@ class Postgres:
         (self._data / "postmaster.pid").unlink()
         (self.folder / f".s.PGSQL.{self.port}.lock").unlink()
 
-    def reload(self, name: str, value: str) -> None:
-        """Have it read its settings again, and return once one of them has a value."""
-        self.do("SELECT pg_reload_conf()")
-        while self.do(f"SHOW {name}") != [(value,)]:
-            time.sleep(0.01)
+    @contextlib.contextmanager
+    def having(self, name: str, value: str) -> Iterator[None]:
+        """Have another value for one of its settings within this."""
+        ((before,),) = self.do(f"SHOW {name}")
+        self.do(f"ALTER SYSTEM SET {name} = '{value}'")
+        try:
+            self._reload(name, value)
+            yield
+        finally:
+            self.do(f"ALTER SYSTEM RESET {name}")
+            self._reload(name, str(before))
 
     def url(self, schema: str | None = None, host: str | None = None, port: int | None = None) -> str:
         """How it is reached; in a schema of its own, if one is named."""
@@ -136,6 +142,12 @@ class Postgres:
                 "PGUSER": "tests", "PGDATA": str(self._data),
             },
         )  # fmt: skip
+
+    def _reload(self, name: str, value: str) -> None:
+        """Have it read its settings again, and return once one of them has a value."""
+        self.do("SELECT pg_reload_conf()")
+        while self.do(f"SHOW {name}") != [(value,)]:
+            time.sleep(0.01)
 
     def _run(self, program: str, *arguments: str) -> None:
         done = subprocess.run(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import psycopg
@@ -49,18 +50,11 @@ async def told(history: PostgresHistory, *steps: StoredStep) -> None:
 @pytest.mark.parametrize("name", ["synchronous_commit", "full_page_writes", "fsync"])
 def test_a_server_by_which_what_is_acked_could_be_lost_is_refused(postgres: Postgres, name: str) -> None:
     url = postgres.empty()
+    had: AbstractContextManager[None] = postgres.having(name, "off")
     if name == "synchronous_commit":
-        url += "%20-c%20synchronous_commit%3Doff"
-    else:
-        postgres.do(f"ALTER SYSTEM SET {name} = off")
-        postgres.reload(name, "off")
-    try:
-        with pytest.raises(HistoryError, match=f"PostgreSQL has {name} = off: what is acked could be lost"):
-            PostgresHistory(url)
-    finally:
-        if name != "synchronous_commit":
-            postgres.do(f"ALTER SYSTEM RESET {name}")
-            postgres.reload(name, "on")
+        url, had = f"{url}%20-c%20synchronous_commit%3Doff", nullcontext()
+    with had, pytest.raises(HistoryError, match=f"PostgreSQL has {name} = off: what is acked could be lost"):
+        PostgresHistory(url)
 
 
 def test_it_is_told_whether_a_standby_has_what_is_committed(postgres: Postgres) -> None:
@@ -330,14 +324,11 @@ async def test_a_commit_that_hangs_is_made_once(postgres: Postgres, monkeypatch:
     history = await begun(url, 0.5)
     history.open_session(opened())
     await add(history, step(1))
-    postgres.do("ALTER SYSTEM SET synchronous_standby_names = 'nobody'")
-    postgres.reload("synchronous_standby_names", "nobody")
     heard: list[int] = []
-    history.append(1, [step(2)], lambda: heard.append(2))
-    await until(lambda: history.failure is not None)
-    assert heard == []
-    postgres.do("ALTER SYSTEM RESET synchronous_standby_names")
-    postgres.reload("synchronous_standby_names", "")
+    with postgres.having("synchronous_standby_names", "nobody"):
+        history.append(1, [step(2)], lambda: heard.append(2))
+        await until(lambda: history.failure is not None)
+        assert heard == []
     async with asyncio.timeout(PATIENCE):
         await history.flush()
     assert heard == [2]
@@ -356,21 +347,18 @@ async def test_a_commit_that_an_administrator_cancels_is_not_told_before_a_stand
     history.open_session(opened())
     await add(history, step(1))
     monkeypatch.setattr(store, "PATIENCE", 1.0)
-    postgres.do("ALTER SYSTEM SET synchronous_standby_names = 'nobody'")
-    postgres.reload("synchronous_standby_names", "nobody")
     heard: list[int] = []
-    history.append(1, [step(2)], lambda: heard.append(2))
 
     def cancel() -> object:
         postgres.do("SELECT pg_cancel_backend(pid) FROM pg_stat_activity WHERE wait_event = 'SyncRep'")
         return heard or history.failure is not None
 
     try:
-        await until(cancel)
-        assert heard == []
+        with postgres.having("synchronous_standby_names", "nobody"):
+            history.append(1, [step(2)], lambda: heard.append(2))
+            await until(cancel)
+            assert heard == []
     finally:
-        postgres.do("ALTER SYSTEM RESET synchronous_standby_names")
-        postgres.reload("synchronous_standby_names", "")
         postgres.do("ALTER ROLE tests RESET client_min_messages")
     async with asyncio.timeout(PATIENCE):
         await history.flush()
