@@ -9,8 +9,6 @@ import pytest
 
 from tests.processes import PATIENCE, ROOT
 
-pytest.importorskip("foxglove")
-
 
 @pytest.mark.parametrize("what", ["slow", "unknown channels"])
 def test_what_is_logged_of_a_client_stops_nobody(what: str) -> None:

@@ -12,6 +12,9 @@ from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
 from oracle_server.sessions import lookup
+from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.monitor import Monitor
+from oracle_server.sessions.registry import Registry
 from tests.sessions.making import GUARD, Kept, attach, event, registry
 
 
@@ -27,6 +30,15 @@ class Stuck(MemoryHistory):
         self.asked += 1
         await self.going.wait()
         return await super().asked_step(session, monitor, seq)
+
+
+async def begun(history: MemoryHistory, folder: Path) -> tuple[Registry, LiveSession, Monitor, Kept]:
+    """A session with a monitor, one of whose events is decided and acked, and what that was sent."""
+    sessions, outbox = registry(history, folder, GUARD), Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await outbox.expect("ack")
+    return sessions, live, monitor, outbox
 
 
 async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) -> None:
@@ -84,11 +96,7 @@ async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: py
 
 async def test_a_connection_that_is_gone_is_answered_nothing(tmp_path: Path) -> None:
     history = Stuck()
-    sessions = registry(history, tmp_path, GUARD)
-    first = Kept()
-    live, monitor = await sessions.attach(attach("s", "guard"), first)
-    live.ingest(monitor, event(1, ask=True, speed=9))
-    await first.expect("ack")
+    sessions, live, monitor, first = await begun(history, tmp_path)
     live.ingest(monitor, event(1, ask=True, speed=9))
     live.ingest(monitor, event(1, ask=True, speed=9))
     await asyncio.sleep(0)
@@ -106,11 +114,7 @@ async def test_a_history_that_can_not_be_read_ends_no_session(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     history = MemoryHistory()
-    sessions = registry(history, tmp_path, GUARD)
-    outbox = Kept()
-    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
-    live.ingest(monitor, event(1, ask=True, speed=9))
-    await outbox.expect("ack")
+    _, live, monitor, outbox = await begun(history, tmp_path)
 
     failed = asyncio.Event()
 
@@ -133,11 +137,7 @@ async def test_a_database_that_does_not_answer_is_asked_again(tmp_path: Path, mo
     """Else a monitor whose connection lasts is told nothing, though its event was decided, and is there."""
     monkeypatch.setattr(lookup, "_AGAIN", 0)
     history = MemoryHistory()
-    sessions = registry(history, tmp_path, GUARD)
-    outbox = Kept()
-    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
-    live.ingest(monitor, event(1, ask=True, speed=9))
-    await outbox.expect("ack")
+    _, live, monitor, outbox = await begun(history, tmp_path)
     good, tries, gone, never = history.asked_step, 0, asyncio.Event(), asyncio.Event()
 
     async def fails(session: int, name: str, seq: int) -> StoredStep | None:
@@ -199,11 +199,7 @@ async def test_no_failure_leaves_an_event_waiting_or_a_session_unread(
 
 async def test_a_monitor_that_detaches_is_answered_first(tmp_path: Path) -> None:
     history = Stuck()
-    sessions = registry(history, tmp_path, GUARD)
-    first = Kept()
-    live, monitor = await sessions.attach(attach("s", "guard"), first)
-    live.ingest(monitor, event(1, ask=True, speed=9))
-    await first.expect("ack")
+    sessions, live, monitor, _ = await begun(history, tmp_path)
     second = Kept()
     live, monitor = await sessions.attach(attach("s", "guard"), second)
     live.ingest(monitor, event(1, ask=True, speed=9))
