@@ -39,9 +39,9 @@ def demand_properties(known: SessionRecord, asked: Iterable[str]) -> None:
 
 async def demand_stream(registry: Registry, history: Reading, known: SessionRecord, asked: str | None) -> None:
     """Raise 422 for the name of a stream that a session's spec does not have, as far as this version reads that."""
-    live = registry.open.get(known.id)
     if not asked:  # ticks have a stream without a name
         return
+    live = registry.open.get(known.id)
     with contextlib.suppress(OracleError):
         read = partial(parse_spec, known.text, known.id, bounded=False)
         spec = live.spec if live else (await history.in_thread(read)).spec

@@ -182,11 +182,11 @@ def load_settings(**given: Any) -> Settings:
 
 def unknown_variables() -> list[str]:
     """The environment variables that are called as settings are, and are none, each with what may have been meant."""
-    known = _OF_CLIENTS.union(Settings.model_fields)
-    given = (name for name in sorted(os.environ) if name.upper().startswith(_PREFIX))
-    unknown = ((name, name[len(_PREFIX) :].lower()) for name in given)
-    return [
-        " ".join((name, *(f"(did you mean {_PREFIX}{other.upper()}?)" for other in near(own, sorted(known))[:1])))
-        for name, own in unknown
-        if own not in known
-    ]
+    known = sorted(_OF_CLIENTS.union(Settings.model_fields))
+    found = []
+    for name in sorted(os.environ):
+        own = name[len(_PREFIX) :].lower()
+        if name.upper().startswith(_PREFIX) and own not in known:
+            meant = [f"(did you mean {_PREFIX}{other.upper()}?)" for other in near(own, known)[:1]]
+            found.append(" ".join((name, *meant)))
+    return found
