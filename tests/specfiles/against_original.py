@@ -14,7 +14,7 @@ import math
 import random
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,8 +76,8 @@ def compare(config: Config, module: Path, traces: Sequence[Sequence[Event]]) -> 
     spec = parse_spec(text, "imported", types=TYPES).spec
     if external:
         return found
-    for trace, original in zip(traces, judged(module, traces, formula), strict=False):
-        ours = _ours(spec, trace)
+    originals = judged(module, traces, formula)
+    for trace, original, ours in zip(traces, originals, _ours(spec, traces), strict=False):
         last = None
         for theirs, (said, degraded) in zip(original, ours, strict=False):
             settled, last = said == last and said in (Outcome.TRUE, Outcome.FALSE), said
@@ -94,12 +94,13 @@ def compare(config: Config, module: Path, traces: Sequence[Sequence[Event]]) -> 
     return found
 
 
-def _ours(spec: Any, trace: Sequence[Event]) -> list[tuple[Outcome, bool]]:
+def _ours(spec: Any, traces: Iterable[Sequence[Event]]) -> Iterator[list[tuple[Outcome, bool]]]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trace.jsonl"
-        path.write_text("".join(json.dumps(event) + "\n" for event in trace))
-        steps = [j for j in Replay(spec, read_lines(path, spec), "arrival") if j.number is not None]
-        return [(j.verdicts[0].outcome, j.verdicts[0].degraded) for j in steps]
+        for trace in traces:
+            path.write_text("".join(json.dumps(event) + "\n" for event in trace))
+            steps = [j for j in Replay(spec, read_lines(path, spec), "arrival") if j.number is not None]
+            yield [(j.verdicts[0].outcome, j.verdicts[0].degraded) for j in steps]
 
 
 class Traffic:

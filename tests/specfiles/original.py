@@ -12,6 +12,7 @@ import contextlib
 import importlib.util
 import io
 import json
+import os
 import subprocess
 import sys
 import types
@@ -59,17 +60,24 @@ class _Name(str):
 
 
 def _main() -> None:
+    """Judge each trace in a child: reelay takes 25 ms for a monitor, which has no way back to its beginning."""
     request = json.load(sys.stdin)
-    out = sys.stdout
+    with contextlib.redirect_stdout(io.StringIO()):
+        module, monitor = _prepared(Path(request["module"]), request["formula"])
     for trace in request["traces"]:
-        print(json.dumps("trace"), file=out)
-        with contextlib.redirect_stdout(io.StringIO()):
-            verdicts = _judge(Path(request["module"]), request["formula"], trace)
-        for verdict in verdicts:
-            print(json.dumps(verdict), file=out, flush=True)
+        print(json.dumps("trace"), flush=True)
+        child = os.fork()
+        if not child:
+            out = sys.stdout
+            with contextlib.redirect_stdout(io.StringIO()):
+                verdicts = _judge(module, monitor, trace)
+            for verdict in verdicts:
+                print(json.dumps(verdict), file=out, flush=True)
+            os._exit(0)
+        os.waitpid(child, 0)
 
 
-def _judge(path: Path, formula: str | None, trace: Sequence[Event]) -> Iterable[bool | None]:
+def _prepared(path: Path, formula: str | None) -> tuple[types.ModuleType, Any]:
     import reelay
 
     sys.modules["oracle"] = types.SimpleNamespace(  # type: ignore[assignment]
@@ -80,7 +88,10 @@ def _judge(path: Path, formula: str | None, trace: Sequence[Event]) -> Iterable[
     assert found.loader is not None
     module = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
-    monitor = reelay.discrete_timed_monitor(pattern=formula or module.PROPERTY)
+    return module, reelay.discrete_timed_monitor(pattern=formula or module.PROPERTY)
+
+
+def _judge(module: types.ModuleType, monitor: Any, trace: Sequence[Event]) -> Iterable[bool | None]:
     verdicts: list[bool | None] = []
     first, last = None, True
     for sent in trace:
