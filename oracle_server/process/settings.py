@@ -166,6 +166,12 @@ class SettingsError(OracleError):
     """A setting that can't be used."""
 
 
+_KUBERNETES = (
+    "; Kubernetes sets it so for a Service that is called oracle: give that another name, or write "
+    "enableServiceLinks: false in the pod's spec"
+)
+
+
 def load_settings(**given: Any) -> Settings:
     """The settings: those `given` that are not None, all others from the environment. Raises `SettingsError`."""
     try:
@@ -177,7 +183,8 @@ def load_settings(**given: Any) -> Settings:
             raise SettingsError(why) from None
         name = str(first["loc"][0])
         where = f"ORACLE_{name.upper()}" if given.get(name) is None else f"--{name.replace('_', '-')}"
-        raise SettingsError(f"{where}: {why}") from None
+        hint = _KUBERNETES if str(first["input"]).startswith("tcp://") else ""
+        raise SettingsError(f"{where}: {why}{hint}") from None
 
 
 def unknown_variables() -> list[str]:

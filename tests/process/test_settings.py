@@ -43,6 +43,12 @@ def test_what_is_wrong_is_told_by_the_name_it_was_given_by(monkeypatch: pytest.M
         load_settings(data_dir=tmp_path, forward="mysql://centre")
 
 
+def test_what_kubernetes_puts_in_a_settings_place_is_told_as_its_doing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ORACLE_PORT", "tcp://10.0.0.1:8642")
+    with pytest.raises(SettingsError, match=r"^ORACLE_PORT: .*Kubernetes .* a Service that is called oracle"):
+        load_settings()
+
+
 def test_a_variable_that_names_no_setting_is_told_with_what_may_have_been_meant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
