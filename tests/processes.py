@@ -19,6 +19,8 @@ from typing import Any, TypeVar
 from urllib.parse import urlencode
 from urllib.request import urlopen
 
+from tests.forking import STRICT, Forked, Forks
+
 T = TypeVar("T")
 Data = dict[str, Any]
 Setting = dict[str, str]
@@ -65,6 +67,16 @@ def as_yaml(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
+FORKS = Forks(SERVER.parent / "python", environment(ROS_ONLY, **STRICT))
+
+
+def started(command: Sequence[str], setting: Setting, out: int, error: int) -> subprocess.Popen[bytes] | Forked:
+    """A program that runs, its output to these files: the server's own are forked, where that makes no difference."""
+    if command[0] == str(SERVER) and FORKS.takes(setting):
+        return FORKS.fork(command[1:], setting, out, error)
+    return subprocess.Popen(command, stdout=out, stderr=error, env=setting)
+
+
 class Process:
     """A program that runs, and what it says."""
 
@@ -72,9 +84,10 @@ class Process:
         self.name = name
         self._lines: list[str] = []
         self._said = threading.Condition()
-        self._process = subprocess.Popen(
-            [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=setting
-        )
+        out, into = os.pipe()
+        self._out = open(out, encoding="utf-8")  # noqa: SIM115 -- open to the end
+        self._process = started([str(word) for word in command], setting, into, into)
+        os.close(into)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -127,8 +140,7 @@ class Process:
         self._process.kill()
         self._process.wait(PATIENCE)
         self._reader.join(PATIENCE)
-        assert self._process.stdout is not None
-        self._process.stdout.close()
+        self._out.close()
 
     def ends_well(self, number: signal.Signals = signal.SIGTERM) -> None:
         """End it: with status 0, without an abort, and with nothing said that is a bug's mark."""
@@ -138,8 +150,7 @@ class Process:
             assert mark not in self.log, f"{self.name}:\n{self.log}"
 
     def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
+        for line in self._out:
             with self._said:
                 self._lines.append(re.sub(r"\x1b\[[0-9;]*m", "", line))
                 self._said.notify_all()
@@ -164,7 +175,7 @@ class Server:
 
     def _start(self) -> tuple[Process, str]:
         command = [SERVER, "serve", "--specs", self._specs, "--data-dir", self._data, "--port", self._port]
-        process = Process("oracle-server", command, environment(ROS_ONLY))
+        process = Process("oracle-server", command, environment(ROS_ONLY, **STRICT))
         try:
             return process, process.said(r"url=(http://\S+)")[1]
         except AssertionError:

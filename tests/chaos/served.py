@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import Any, Self
 
 import httpx
 
-from tests.processes import PATIENCE, reserved_port
+from tests.forking import STRICT, Forked
+from tests.processes import FORKS, PATIENCE, ROS_ONLY, environment, reserved_port
 
 __all__ = ["PATIENCE", "Ended", "Served", "reviving"]
 
@@ -37,17 +39,17 @@ class Served:
 
         `prelude` is Python that each process runs before it becomes a server.
         """
-        self._command = (sys.executable, "-c", f"{_OFTEN}\n{prelude}\n{_MAIN}", "serve")
+        self._prelude = prelude
         self.up = asyncio.Event()
         self.starts = 0
         self.log: list[dict[str, Any]] = []
         self._said = asyncio.Condition()
-        self._arguments = ("--specs", str(specs), "--data-dir", str(data))
-        self._environment = {name: value for name, value in os.environ.items() if not name.startswith("ORACLE_")}
+        self._arguments = ("serve", "--specs", str(specs), "--data-dir", str(data))
+        self._environment = environment(ROS_ONLY, **STRICT)
         self.set(log="json", **settings)
         self._place = reserved_port()
         self._died = asyncio.Event()
-        self._process: asyncio.subprocess.Process
+        self._process: subprocess.Popen[bytes] | Forked
         self._reading: asyncio.Task[None]
 
     @property
@@ -77,15 +79,13 @@ class Served:
     async def start(self) -> None:
         """Start a process, the first one or once the last one is killed, and return once it accepts work."""
         if self.starts:
-            await self._process.wait()
-            await self._reading
-        arguments = (*self._arguments, "--port", str(self.port))
-        self._process = await asyncio.create_subprocess_exec(
-            *self._command, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE, limit=_LONGEST
-        )
+            await self.ended()
+        said, error = os.pipe()
+        self._process = self._started([*self._arguments, "--port", str(self.port)], error)
+        os.close(error)
         self._died.clear()
         accepts = asyncio.Event()
-        self._reading = asyncio.create_task(self._read_log(accepts))
+        self._reading = asyncio.create_task(self._read_log(said, accepts))
         self._reading.add_done_callback(lambda _: accepts.set())
         async with asyncio.timeout(PATIENCE):
             await accepts.wait()
@@ -93,6 +93,12 @@ class Served:
         if self._reading.done():
             raise Ended(f"{self.log[-5:]}")
         self.up.set()
+
+    def _started(self, arguments: list[str], error: int) -> subprocess.Popen[bytes] | Forked:
+        if not self._prelude and FORKS.takes(self._environment):
+            return FORKS.fork(arguments, self._environment, error, error, _OFTEN)
+        program = f"{_OFTEN}\n{self._prelude}\n{_MAIN}"
+        return subprocess.Popen([sys.executable, "-c", program, *arguments], env=self._environment, stderr=error)
 
     def kill(self) -> None:
         """End the process at once; it gets no chance to do anything."""
@@ -129,25 +135,20 @@ class Served:
 
     async def ended(self) -> int:
         """Wait for the end of the process, and return its exit status; its log is whole then."""
-        status = await self._process.wait()
         await asyncio.wait((self._reading,))
-        return status
+        return await asyncio.to_thread(self._process.wait, PATIENCE)
 
     async def stop(self) -> int:
         """Stop cleanly, and return the exit status."""
         self.up.clear()
-        self._process.terminate()
+        self._process.send_signal(signal.SIGTERM)
         async with asyncio.timeout(PATIENCE):
-            status = await self._process.wait()
-            await self._reading
-        return status
+            return await self.ended()
 
     async def close(self) -> None:
         """End the process, if it still runs, however it can be done."""
-        with contextlib.suppress(ProcessLookupError):
-            self._process.kill()
-        await self._process.wait()
-        await self._reading
+        self._process.kill()
+        await self.ended()
         self._place.close()
 
     async def get(self, path: str, **query: int) -> dict[str, Any]:
@@ -182,9 +183,17 @@ class Served:
     def _http(self) -> httpx.AsyncClient:
         return httpx.AsyncClient(base_url=f"{self.url}/api/v1/", timeout=PATIENCE, trust_env=False, verify=False)
 
-    async def _read_log(self, accepts: asyncio.Event) -> None:
-        assert self._process.stderr is not None
-        async for text in self._process.stderr:
+    async def _read_log(self, said: int, accepts: asyncio.Event) -> None:
+        log = asyncio.StreamReader(_LONGEST)
+        transport, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(log),
+            open(said, "rb", buffering=0),  # noqa: SIM115 -- its transport closes it
+        )
+        with contextlib.closing(transport):
+            await self._read_lines(log, accepts)
+
+    async def _read_lines(self, log: asyncio.StreamReader, accepts: asyncio.Event) -> None:
+        async for text in log:
             try:
                 line = json.loads(text)
             except ValueError:

@@ -10,21 +10,17 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Self, TypeVar
 
 import httpx
 
-from tests.processes import PATIENCE, Process, all_pages, environment
+from tests.forking import STRICT
+from tests.processes import PATIENCE, Process, all_pages, environment, started
 
-__all__ = ["COMMAND", "PATIENCE", "Server", "environment", "failed", "problem", "run"]
+__all__ = ["COMMAND", "PATIENCE", "STRICT", "Server", "environment", "failed", "problem", "run"]
 
 T = TypeVar("T")
-
-STRICT = {
-    "PYTHONWARNDEFAULTENCODING": "1",
-    "PYTHONWARNINGS": "error::EncodingWarning,ignore::EncodingWarning:rosbags.rosbag2.reader",
-}
-"""Makes it an error to open a text file in the encoding of the machine's locale."""
 
 COMMAND = Path(sys.executable).parent / "oracle-server"
 
@@ -111,8 +107,16 @@ class Server:
 
 def run(*arguments: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
     """Run the command line to its end."""
-    command, env = [COMMAND, *arguments], environment(**STRICT, **settings)
-    return subprocess.run(command, capture_output=True, encoding="utf-8", timeout=2 * PATIENCE, env=env, check=False)
+    command = [str(COMMAND), *map(str, arguments)]
+    with TemporaryFile("w+", encoding="utf-8") as out, TemporaryFile("w+", encoding="utf-8") as error:
+        process = started(command, environment(**STRICT, **settings), out.fileno(), error.fileno())
+        try:
+            status = process.wait(2 * PATIENCE)
+        finally:
+            process.kill()
+        for file in (out, error):
+            file.seek(0)
+        return subprocess.CompletedProcess(command, status, out.read(), error.read())
 
 
 def failed(*arguments: str | Path, **settings: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from typing import Any, Literal
 
 import pytest
+import pytest_asyncio
 from axe_playwright_python.async_playwright import Axe
 from playwright.async_api import Browser, Page, expect
 
@@ -17,7 +18,7 @@ WIDTHS = {390: 844, 1440: 900}
 OPTIONS = {"resultTypes": ["violations"]}
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def shown(server: Server, session: str) -> AsyncIterator[dict[str, str]]:
     """The addresses of all views, of a session of thirty properties of which one fails, and what each waits for."""
     async with attached(server, session=session, spec="thirty") as monitor:
@@ -59,6 +60,7 @@ async def test_nothing_is_in_the_way_of_anybody(
             found += [f"/#/{address} at {width}, {scheme}: {text}" for text in grave]
             across = await page.evaluate("document.documentElement.scrollWidth")
             found += [f"/#/{address} at {width}: it is {across} wide"] if across > width else []
+    await page.close()
     assert found == []
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+import pytest_asyncio
 from playwright.async_api import Browser, Page, expect
 
 from tests.whole.client import attached, make_clock, make_event
@@ -15,7 +16,7 @@ MINUS = "\N{MINUS SIGN}"
 OTHERS = ["/odom", "/chat"]
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def told(server: Server, session: str, page: Page) -> str:
     """A command that is denied, one that is allowed, a call while it drives, and something late; and the page of it."""
     async with attached(server, session=session, spec="office") as monitor:

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, closing
 from pathlib import Path
 
-import pytest
+import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from tests.whole.client import attached, make_event
@@ -20,7 +20,7 @@ WRONG = {"robot-0700": 5, "robot-0300": 2}
 """Sessions with an open episode, and the second from which on they fail."""
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def fleet(start: Starts, tmp_path: Path) -> AsyncIterator[Server]:
     """A server with a thousand sessions, fifty of them open, of which two fail and one is sound."""
     server = start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 
-import pytest
+import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from tests.whole.client import BASE, Monitor, attached, make_event, make_events
@@ -21,7 +21,7 @@ def at_second(number: int) -> dict[str, object]:
     return make_event(number, at=number * SECOND, data={"v": 11 if wrong else 1})
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def monitor(server: Server, session: str, page: Page) -> AsyncIterator[Monitor]:
     """A minute with an event a second and three episodes, of which the last one is open; and the page of it."""
     async with attached(server, session=session, spec="single") as monitor:

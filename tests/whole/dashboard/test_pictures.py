@@ -30,6 +30,7 @@ async def test_the_pictures_are_made_and_show_something(browser: Browser, tmp_pa
         width, height, colours = await page.evaluate(COLOURS, b64encode(path.read_bytes()).decode())
         assert (width, height) == picture.size
         assert colours > 100, f"{path.name} is blank"
+    await page.close()
 
 
 def test_each_picture_is_in_docs() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 
-import pytest
+import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from tests.whole.client import Monitor, attached, make_event
@@ -24,7 +24,7 @@ PIXEL = """([canvas, share, name]) => {
 }"""
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def monitor(server: Server, session: str, page: Page) -> AsyncIterator[Monitor]:
     """A minute with an event a second, of which those from 20 s to 29 s are violations; and the page of it."""
     async with attached(server, session=session, spec="single") as monitor:

@@ -1,0 +1,175 @@
+"""Commands of the product forked from one process that has imported it: most of a start is imports, a second each time.
+
+Run as a program it waits at the socket that is its standard input, and forks for each request. What is forked is a
+process like any other, by the environment, arguments and streams that it is given. What only the start of a Python
+sees of an environment is as it is for the first; where it is to be another, start it in the ordinary way.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import re
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+STRICT = {
+    "PYTHONWARNDEFAULTENCODING": "1",
+    "PYTHONWARNINGS": "error::EncodingWarning,ignore::EncodingWarning:rosbags.rosbag2.reader",
+}
+"""Makes it an error to open a text file in the encoding of the machine's locale."""
+_AT_START = re.compile("PYTHON|LC_|LANG|LD_|TZ|MALLOC")
+"""Begins the names of variables that the start of a Python sees."""
+_LONGEST = 1_000_000
+
+
+class Forked:
+    """A command that runs, with the methods of `subprocess.Popen` that the tests need."""
+
+    def __init__(self, pid: int, ended: int) -> None:
+        """`ended` is a pipe, in which its exit status will be."""
+        self.pid = pid
+        self._ended = ended
+        self._ends = select.poll()
+        self._ends.register(ended, select.POLLIN)
+        self._status: int | None = None
+        self._reading = threading.Lock()
+
+    def poll(self) -> int | None:
+        """Its exit status, or minus the signal that ended it; None while it runs."""
+        return self._read(0)
+
+    def wait(self, timeout: float) -> int:
+        """Wait for its end; TimeoutExpired after `timeout` (s)."""
+        status = self._read(timeout)
+        if status is None:
+            raise subprocess.TimeoutExpired(f"process {self.pid}", timeout)
+        return status
+
+    def send_signal(self, number: signal.Signals) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.send_signal(signal.SIGKILL)
+
+    def _read(self, timeout: float) -> int | None:
+        with self._reading:
+            if self._status is None and self._ends.poll(1000 * timeout):
+                self._status = os.waitstatus_to_exitcode(int(os.read(self._ended, 16)))
+                os.close(self._ended)
+            return self._status
+
+
+class Forks:
+    """The process that has imported the product, which is started with the first command."""
+
+    def __init__(self, python: Path, environment: Mapping[str, str]) -> None:
+        """`python` is the one that the product is installed for."""
+        self._python, self._environment = python, dict(environment)
+        self._asking = threading.Lock()
+        self._socket: socket.socket | None = None
+
+    def takes(self, environment: Mapping[str, str]) -> bool:
+        """Whether a command started with this environment would see nothing else than one that is forked."""
+        return _seen(environment) == _seen(self._environment)
+
+    def fork(
+        self, arguments: Sequence[str], environment: Mapping[str, str], out: int, error: int, prelude: str = ""
+    ) -> Forked:
+        """Run `oracle-server` with these arguments here, its output to these files.
+
+        `prelude` is Python that it runs before; what it changes is not seen by modules that have it by its name.
+        """
+        ended, end = os.pipe()
+        given = {"arguments": list(arguments), "environment": dict(environment)}
+        request = json.dumps(given | {"folder": str(Path.cwd()), "prelude": prelude}).encode()
+        try:
+            with self._asking:
+                asked = self._started()
+                socket.send_fds(asked, [request], [out, error, end])
+                return Forked(int(asked.recv(16)), ended)
+        finally:
+            os.close(end)
+
+    def _started(self) -> socket.socket:
+        if self._socket is None:
+            self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            with theirs:
+                process = subprocess.Popen([self._python, "-P", __file__], stdin=theirs.fileno(), env=self._environment)
+            atexit.register(process.wait)
+            atexit.register(self._socket.close)
+        return self._socket
+
+
+def _seen(environment: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in environment.items() if _AT_START.match(name)}
+
+
+def _serve(requests: socket.socket) -> str | None:
+    """Fork until nobody asks any more, which is None; in what is forked, what it is to run before the product."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # those that wait need nobody that waits for them
+    while True:
+        request, files, _, _ = socket.recv_fds(requests, _LONGEST, 3)
+        if not request:
+            return None
+        out, error, end = files
+        if not os.fork():
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            child = os.fork()
+            if not child:
+                break
+            requests.send(str(child).encode())
+            os.close(out)
+            os.close(error)
+            os.write(end, str(os.waitpid(child, 0)[1]).encode())
+            os._exit(0)
+        for file in files:
+            os.close(file)
+    requests.close()
+    os.close(end)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    _write_to(out, error)
+    return _become(**json.loads(request))
+
+
+def _write_to(out: int, error: int) -> None:
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for number, file in enumerate((nothing, out, error)):
+        os.dup2(file, number)
+        os.close(file)
+    sys.stdin = open(0, encoding="utf-8")  # noqa: SIM115
+    sys.stdout = open(1, "w", encoding="utf-8")  # noqa: SIM115
+    sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", buffering=1)  # noqa: SIM115
+
+
+def _become(arguments: list[str], environment: dict[str, str], folder: str, prelude: str) -> str:
+    os.environ.clear()
+    os.environ.update(environment)
+    os.chdir(folder)
+    sys.argv = ["oracle-server", *arguments]
+    return prelude
+
+
+if __name__ == "__main__":
+    import gc
+
+    import oracle_server.api.app
+    import oracle_server.server  # noqa: F401 -- what is forked has it
+    from oracle_server.cli import main
+
+    gc.freeze()
+    _prelude = _serve(socket.socket(fileno=os.dup(0)))
+    if _prelude is not None:
+        exec(_prelude)
+        main()
