@@ -103,3 +103,21 @@ def test_a_clock_that_does_not_come_is_told_until_it_does(tmp_path: Path) -> Non
         Simulation(scene.peer()).at(100)
         adapter.said("simulated time: recovered")
         adapter.ends_well()
+
+
+def test_two_nodes_that_tell_the_time_are_named_once_it_goes_back_and_until_one_has_gone(tmp_path: Path) -> None:
+    with Scene(tmp_path / "scene") as scene:
+        adapter = scene.adapter("battery_uav", more=("--ros-args", "-p", "use_sim_time:=true"))
+        world, player = scene.peer("world"), scene.peer("player")
+        clocks = [peer.publisher(clock_msgs.Clock, "/clock") for peer in (world, player)]
+
+        def to_and_fro() -> bool:
+            for clock, seconds in zip(clocks, (100, 50), strict=True):
+                clock.publish(clock_msgs.Clock(clock=stamp(seconds)))
+            return "time went back" in adapter.log
+
+        world.until(to_and_fro)
+        adapter.said("several publish /clock: /player, /world")
+        player.node.destroy_publisher(clocks[1])
+        adapter.said("simulated time: recovered")
+        adapter.ends_well()

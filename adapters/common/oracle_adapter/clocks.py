@@ -43,6 +43,29 @@ class SilentClock:
         return "time stands at 0, so no deadline runs out: /clock is silent, or paused"
 
 
+class TornClock:
+    """Whether simulated time has gone back while several nodes tell it.
+
+    Each step back ends a session.
+    """
+
+    def __init__(self) -> None:
+        self._went_back = False
+
+    def goes_back(self) -> None:
+        """Note that it does."""
+        self._went_back = True
+
+    def look(self, tellers: Sequence[str]) -> str:
+        """What is wrong, empty for nothing; `tellers` are the nodes that publish it."""
+        # else it was a reset, or a bag that is played again
+        self._went_back = self._went_back and len(tellers) > 1
+        if not self._went_back:
+            return ""
+        nodes = ", ".join(sorted(tellers))
+        return f"time went back, which ends the session, and several publish /clock: {nodes}"
+
+
 class Clocks:
     """Reads the clocks of all streams of a monitor; to be called under the link's lock."""
 

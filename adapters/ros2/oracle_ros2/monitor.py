@@ -7,11 +7,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
-from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock
+from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
 
+from oracle_ros2.endpoints import full_name
 from oracle_ros2.parts import make_part, names_on_graph
 from oracle_ros2.shared import Shared
 from oracle_ros2.stamps import on_back, simulated, time_of
@@ -40,9 +41,9 @@ class Monitor:
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
         self._clocks = clocks = Clocks(self._now)
-        self._watch, self._silent = None, SilentClock(self._now)
+        self._watch, self._silent, self._torn = None, SilentClock(self._now), TornClock()
         if simulated(node):
-            self._watch = on_back(node, lambda: link.renew(lambda: clocks.readings(self._now())))
+            self._watch = on_back(node, self._renew)
         shared = Shared(node, link, board, names, clocks)
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
         observed = [stream for part in self._parts for stream in part.streams]
@@ -79,12 +80,20 @@ class Monitor:
 
     def _look(self) -> None:
         if self._watch is not None:
-            self._board.trouble(SIMULATED, self._silent.look())
+            self._board.trouble(SIMULATED, self._silent.look() or self._torn.look(self._tellers()))
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
             trouble = "; ".join(filter(None, (trouble, part.doubt)))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
+
+    def _renew(self) -> None:
+        """Go on in another session, as simulated time goes back."""
+        self._torn.goes_back()
+        self._link.renew(lambda: self._clocks.readings(self._now()))
+
+    def _tellers(self) -> list[str]:
+        return [full_name(info) for info in self._node.get_publishers_info_by_topic("/clock")]
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.

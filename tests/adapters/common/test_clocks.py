@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import List, Optional
 
 from oracle_adapter import Board, ClockStamp, Link
-from oracle_adapter.clocks import CLOCK_WITHIN, Clocks, SilentClock
+from oracle_adapter.clocks import CLOCK_WITHIN, Clocks, SilentClock, TornClock
 from oracle_adapter.passing import Passing
 from tests.adapters.common.boards import Clock
 from tests.adapters.common.conftest import Oracle
@@ -79,3 +79,18 @@ def test_simulated_time_is_silent_where_it_is_not_told_within_some_seconds() -> 
     assert "/clock is silent" in silent.look()
     now[0] = 1
     assert not silent.look()
+
+
+def test_time_that_goes_back_is_torn_where_several_tell_it() -> None:
+    torn, tellers = TornClock(), ["/world", "/player"]
+    assert torn.look(tellers) == ""
+    torn.goes_back()
+    told = "time went back, which ends the session, and several publish /clock: /player, /world"
+    assert [torn.look(tellers) for _ in range(2)] == [told, told]
+    assert [torn.look(nodes) for nodes in (["/world"], tellers)] == ["", ""]
+
+
+def test_time_that_one_node_sets_back_is_not_torn_once_another_comes() -> None:
+    torn = TornClock()
+    torn.goes_back()
+    assert [torn.look(nodes) for nodes in (["/world"], ["/world", "/player"])] == ["", ""]
