@@ -61,8 +61,10 @@ def test_without_introspection_feedback_and_status_are_seen_and_the_rest_is_told
         scene.adapter.ends_well()
 
 
-def test_an_action_that_nobody_serves_is_told(tmp_path: Path) -> None:
-    misspelt = [stream | {"name": "/fibs"} for stream in streams(via="introspection", kinds=("goal",))]
+@pytest.mark.parametrize("via", ["introspection", "proxy"])
+def test_an_action_that_nobody_serves_is_told(via: str, tmp_path: Path) -> None:
+    names = {"name": "/fibs"} | ({"proxy": "/fibs_mon"} if via == "proxy" else {})
+    misspelt = [stream | names for stream in streams(via=via, kinds=("goal",))]
     with acting(tmp_path, misspelt) as scene:
         text = "nobody serves /fibs; did you mean /fib?"
         scene.scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", 0.01, 10)

@@ -11,6 +11,7 @@ from tests.robot import spec_folder
 from tests.ros2.harness import Scene, eventually
 
 msg = pytest.importorskip("std_msgs.msg")
+srv = pytest.importorskip("std_srvs.srv")
 
 # rclpy imports an old lark with its first node.
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
@@ -55,3 +56,28 @@ def test_it_is_told_also_where_nobody_hears_what_passes(tmp_path: Path) -> None:
         recorder.record(msg.Bool, "/cmd_mon")
         unheard = "nobody hears /cmd, and past the monitor hears /cmd_mon: /recorder"
         adapter.said(re.escape(f"/cmd: {unheard}; nobody publishes /cmd_mon"))
+
+
+SERVICE = """
+id: lamp
+streams:
+  - {service: /SetLamp, type: std_srvs/srv/SetBool}
+properties:
+  - {id: never_on, formula: 'not {kind: request, data: true}'}
+"""
+
+
+def test_a_service_that_nobody_serves_is_told_with_what_it_is_called_here(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SERVICE)) as scene:
+        adapter, peer = scene.adapter("lamp"), scene.peer()
+        peer.node.create_client(srv.SetBool, "/setlamp")
+        peer.node.create_service(srv.Trigger, "/SetLamps", lambda _, response: response)  # of another type
+        peer.node.create_service(srv.SetBool, "/set_lamp", lambda _, response: response)
+        text = "nobody serves /SetLamp; did you mean /set_lamp?"
+        adapter.said(re.escape(f"/SetLamp: {text}"))
+        eventually(
+            lambda: [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]],
+            lambda troubles: text in troubles,
+        )
+        peer.node.create_service(srv.SetBool, "/SetLamp", lambda _, response: response)
+        adapter.said("/SetLamp: recovered")

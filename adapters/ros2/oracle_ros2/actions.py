@@ -18,6 +18,7 @@ from oracle_ros2.sides import Side, now
 from oracle_ros2.stamps import ros_time, time_of
 from oracle_ros2.standing import RelayedStatus
 from oracle_ros2.statuses import ABORTED, UNKNOWN, word
+from oracle_ros2.unserved import UnservedAction
 from oracle_ros2.withdrawals import Withdrawals, cancel_request
 
 if TYPE_CHECKING:
@@ -38,8 +39,6 @@ accepted before this adapter began, and go on."""
 
 class ProxiedAction:
     """Serves `proxy` as an action, and passes on to the action itself what may pass."""
-
-    doubt = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
@@ -84,6 +83,9 @@ class ProxiedAction:
         self.streams: list[Side | Observed | StatusStream] = [
             found for kind in streams if (found := observed[kind]) is not None
         ]
+        self._unserved = UnservedAction(node, served)
+        self.doubt = ""
+        """That nobody serves it, as of the last look."""
         self.bypass = ""
         """What lets goals and news of them past the monitor, as of the last look."""
         self._trouble = ""
@@ -115,6 +117,7 @@ class ProxiedAction:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
+        self.doubt = self._unserved.look()
         relays = self._sending, self._cancelling, self._results
         found = [*self._feedback.look(), *self._status.look(), *(text for relay in relays for text in relay.look())]
         self._abort(self._orphaned())

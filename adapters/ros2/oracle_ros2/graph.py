@@ -72,7 +72,7 @@ def past_proxy(node: Node, *proxied: tuple[str, str]) -> str:
 def _find_past(node: Node, service: str, proxy: str, troubles: dict[tuple[str, str], str]) -> None:
     """Tell of one service, by names that ROS has resolved: counts take no remaps."""
     callers = _besides(node, _count_clients(node, service), node.get_client_names_and_types_by_node, service)
-    servers = _besides(node, _count_services(node, proxy), node.get_service_names_and_types_by_node, proxy)
+    servers = _besides(node, count_services(node, proxy), node.get_service_names_and_types_by_node, proxy)
     for other in callers:
         troubles.setdefault(("calls", other), f"{other} can call {service} past the monitor")
     for other in servers:
@@ -155,7 +155,8 @@ def _count_clients(node: Node, service: str) -> int:
     return len(node.get_publishers_info_by_topic(f"rq{service}Request", no_mangle=True))  # Humble, on DDS
 
 
-def _count_services(node: Node, service: str) -> int:
+def count_services(node: Node, service: str) -> int:
+    """How many serve a service by its whole name."""
     return int(node.count_services(service)) if hasattr(node, "count_services") else len(servers(node, service))
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple
 
 from action_msgs.msg import GoalInfo, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
-from oracle_adapter.unpublished import Unpublished
 from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import CodecError, lacking, load_type, reader
@@ -18,6 +17,7 @@ from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.standing import StatusStream
 from oracle_ros2.statuses import read, word
 from oracle_ros2.topics import Observed, unreadable
+from oracle_ros2.unserved import UnservedAction
 
 if TYPE_CHECKING:
     from oracle_adapter import TimeSource
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 MOST = 10_000
 """Calls without an answer that are remembered."""
 SERVICES = {"goal": "send_goal", "reply": "send_goal", "cancel": "cancel_goal", "result": "get_result"}
-_STATUS = hidden("", "status")
 _REQUEST, _RESPONSE = 1, 2  # REQUEST_RECEIVED and RESPONSE_SENT of service_msgs/ServiceEventInfo, which Humble lacks
 
 
@@ -138,7 +137,7 @@ class IntrospectedAction:
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Raises `CodecError`."""
         node, streams, name = shared.node, action.streams, shared.names[action.name]
-        self._node, self._link, self._board, self.name = node, shared.link, shared.board, action.name
+        self._link, self._board, self.name = shared.link, shared.board, action.name
         kind = load_type(action.first["type"])
         impl = kind.Impl
         contents = {"goal": kind.Goal, "reply": impl.SendGoalService.Response,
@@ -152,8 +151,9 @@ class IntrospectedAction:
 
         self._feedback = self._status = None
         self._numbers = Numbers()
-        self._status_topic = node.resolve_topic_name(hidden(name, "status"))
-        self._silence = Unpublished(self._status_topic[: -len(_STATUS)], does="serves")
+        self._unserved = UnservedAction(node, name)
+        self.doubt = ""
+        """That nobody has served it so far, as of the last look."""
         self.subscription: Any = None
         if "feedback" in streams:
             envelope = impl.FeedbackMessage, "feedback"
@@ -186,9 +186,8 @@ class IntrospectedAction:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        served = self._node.count_publishers(self._status_topic) > 0
-        self._silence.look(lambda: served, self._others)
-        troubles = [trouble for events in self._events for trouble in events.look(served)]
+        self.doubt = self._unserved.look()
+        troubles = [trouble for events in self._events for trouble in events.look(self._unserved.is_served)]
         troubles += [side.lacking for side in self._sides.values()]
         if self._feedback is not None:
             troubles += [self.subscription.look(), self._feedback.misplaced, self._feedback.lacking, *unreadable(self)]
@@ -196,17 +195,6 @@ class IntrospectedAction:
             troubles.append(self._statuses.look())
             self._status.keep(self._statuses.sources)
         return "; ".join(trouble for trouble in troubles if trouble)
-
-    @property
-    def doubt(self) -> str:
-        """That nobody has served it so far, as of the last look."""
-        return self._silence.text
-
-    def _others(self) -> Iterator[str]:
-        """The actions that are served: those whose status somebody publishes."""
-        for topic, _ in self._node.get_topic_names_and_types():
-            if topic.endswith(_STATUS) and self._node.count_publishers(topic):
-                yield topic[: -len(_STATUS)]
 
     def stop(self) -> None:
         """Take no more."""

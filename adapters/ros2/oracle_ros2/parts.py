@@ -46,7 +46,7 @@ class Part(Protocol):
 
     @property
     def doubt(self) -> str:
-        """What may be wrong with a topic, or an action that is only observed, as of the last look; else empty."""
+        """What may be wrong, as of the last look; empty for nothing."""
 
     @property
     def received(self) -> int:

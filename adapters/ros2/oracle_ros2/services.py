@@ -11,6 +11,7 @@ from oracle_ros2.codec import load_type, write
 from oracle_ros2.graph import past_proxy
 from oracle_ros2.relay import UNDERWAY, Relay
 from oracle_ros2.sides import Side
+from oracle_ros2.unserved import UnservedService
 
 if TYPE_CHECKING:
     from oracle_adapter.interfaces import Interface
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 class ProxiedService:
     """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
 
-    doubt = ""
     received = 0
     """Calls do not show whether the middleware delivers: they are too rare."""
 
@@ -44,7 +44,10 @@ class ProxiedService:
         self.streams = [self._request, self._response]
         self.bypass = ""
         """Who can call without the proxy, or serves in its place, as of the last look."""
+        self.doubt = ""
+        """That nobody serves it, as of the last look."""
         self._served, self._proxy = shared.names[self.name], shared.names[request["proxy"]]
+        self._unserved = UnservedService(shared.node, self._served, request["type"])
         self._relay = Relay(shared.node, self._type, self._served, self._proxy, self._ask, self._answer)
 
     def stop(self) -> None:
@@ -57,6 +60,7 @@ class ProxiedService:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
+        self.doubt = self._unserved.look()
         self.bypass = past_proxy(self._node, (self._served, self._proxy))
         troubles = (self.bypass, *self._relay.look(), self._request.trouble, self._response.trouble)
         return "; ".join(trouble for trouble in troubles if trouble)
