@@ -124,3 +124,25 @@ def test_requests_that_can_not_be_read_are_told_as_one_trouble_and_counted_with_
     clock[0] += 0.1
     assert list(made.look()) == []
     made.destroy()
+
+
+def test_responses_that_can_not_be_read_are_told_as_one_trouble_and_counted_with_the_next_one(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, lost = [100.0], list[int]()
+    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    peer.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+    made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", print, lambda call, _: lost.append(call.lost))
+    peer.until(lambda: made.is_there, "nobody serves /led")
+    for why in ("it is torn", "it is odd"):
+        made._client.oracle_unread(why)
+    told = ["a response of /led can't be read, and its caller gets none: it is torn"]
+    assert list(made.look()) == told
+    for number in range(2):
+        made._serve(srv.Trigger.Request(), lambda response: None)
+        assert made.forward(made.open[-1])
+        peer.until(lambda number=number: len(lost) > number, "there is no response")
+    assert lost == [2, 0]
+    clock[0] += 10
+    assert list(made.look()) == []
+    made.destroy()

@@ -184,7 +184,7 @@ class ProxiedAction:
             return told
 
         status = "accepted" if response.accepted else "rejected"
-        self._judge("reply", response, give, refuse, goal, call.number, status)
+        self._judge("reply", response, give, refuse, goal, call.number, status, lost=call.lost)
 
     def _reject(self, call: Call) -> bool:
         told = self._sending.reply(call, self._impl.SendGoalService.Response(accepted=False))
@@ -269,7 +269,7 @@ class ProxiedAction:
         if self._asks_results:
             self._goals.decide(goal)
         status, when = word(response.status), partial(self._feedback.behind.after, goal)
-        self._judge("result", response.result, give, refuse, goal, status=status, when=when)
+        self._judge("result", response.result, give, refuse, goal, status=status, when=when, lost=call.lost)
 
     def _withhold(self, call: Call) -> bool:
         response = self._impl.GetResultService.Response(status=ABORTED)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
-from rclpy.logging import get_logger
 
 from oracle_ros2.responses import send
 
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
 
 BURST = 100
 """Messages of one subscription that are taken before others are looked at."""
-AGAIN = 10.0
-"""Seconds until it is logged again that responses can't be read."""
-
 Reply = Callable[[Any], None]
 
 
@@ -36,6 +32,11 @@ class Later:
     def __call__(self, _request: Any, _response: Any) -> Any:
         """Refuse: an executor of rclpy's sends what is returned, at once."""
         raise TypeError("a service that replies later is served by a Loop, and by no executor of rclpy")
+
+
+def tell_unread(client: Any, unread: Callable[[str], None]) -> None:
+    """Have a function of a client's told why a response can't be read; whose it is can't be known."""
+    client.oracle_unread = unread
 
 
 class Loop:
@@ -131,8 +132,9 @@ def _client(client: Any) -> Callable[[], None]:
             with handle:
                 header, response = handle.take_response(response_type)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
-            text = f"a response of {client.srv_name} can't be read, and its caller gets none: {error}"
-            get_logger("oracle").error(text, throttle_duration_sec=AGAIN)
+            unread = getattr(client, "oracle_unread", None)
+            if unread is not None:
+                unread(str(error) or type(error).__name__)
             return
         if header is None:
             return

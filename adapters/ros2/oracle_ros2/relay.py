@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 
 from oracle_ros2.calltypes import CallTypes
 from oracle_ros2.graph import servers
-from oracle_ros2.loop import Later
+from oracle_ros2.loop import Later, tell_unread
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
 UNDERWAY = 0.2  # seconds that an answer may take to its client
-UNREAD = 10.0  # seconds for which it is told that a request can't be read
+UNREAD = 10.0  # seconds for which it is told that a request, or a response, can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
 
@@ -34,7 +34,7 @@ class Call:
     request: Any
     reply: Reply
     lost: int = 0
-    """How many requests before it could not be read."""
+    """How many requests before it could not be read; with its response, how many responses."""
     allowed: float = 0.0
     """When it might go to the service (s); 0 while that is not decided."""
     forwarded: bool = False
@@ -45,6 +45,29 @@ class Call:
     """Since when none of these is there any more (s)."""
     answered: bool = False
     """Whether the service has answered, and that is decided on at most."""
+
+
+class Unread:
+    """What could not be read on one side of a service."""
+
+    def __init__(self) -> None:
+        self._lost, self._why, self._at = 0, "", 0.0
+
+    def add(self, why: str) -> None:
+        """Count one, and why it could not be."""
+        self._lost += 1
+        self._why, self._at = self._why or why, time.monotonic()
+
+    def take(self) -> int:
+        """How many there were since the last event, which is there now."""
+        lost, self._lost = self._lost, 0
+        return lost
+
+    def look(self) -> str:
+        """Why the first one could not be read; empty once the last one was `UNREAD` seconds ago."""
+        if self._why and time.monotonic() - self._at >= UNREAD:
+            self._why = ""
+        return self._why
 
 
 class Relay:
@@ -65,10 +88,13 @@ class Relay:
         self._early: deque[Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
-        self._lost, self._unread, self._unread_at = 0, "", 0.0
+        self._requests, self._responses = Unread(), Unread()
         self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
-        self._service = node.create_service(service_type, proxy, Later(self._serve, self._lose), qos_profile=CALLS)
+        self._service = node.create_service(
+            service_type, proxy, Later(self._serve, self._requests.add), qos_profile=CALLS
+        )
+        tell_unread(self._client, self._responses.add)
         self._proxy = node.resolve_service_name(proxy)
         self._types = CallTypes(node, self._served, self._proxy)
 
@@ -134,10 +160,10 @@ class Relay:
 
     def look(self) -> Iterator[str]:
         """Look at the other nodes again, and return whose calls and answers do not come."""
-        if self._unread and time.monotonic() - self._unread_at >= UNREAD:
-            self._unread = ""
-        if self._unread:
-            yield f"a request of {self._proxy} can't be read, and gets no answer: {self._unread}"
+        if why := self._requests.look():
+            yield f"a request of {self._proxy} can't be read, and gets no answer: {why}"
+        if why := self._responses.look():
+            yield f"a response of {self._served} can't be read, and its caller gets none: {why}"
         yield from self._types.troubles()
 
     def destroy(self) -> None:
@@ -146,15 +172,10 @@ class Relay:
         self._node.destroy_client(self._client)
 
     def _serve(self, request: Any, reply: Reply) -> None:
-        call = Call(next(self._calls), request, reply, self._lost)
-        self._lost = 0
+        call = Call(next(self._calls), request, reply, self._requests.take())
         with self._lock:
             self._open[call.number] = call
         self._on_request(call)
-
-    def _lose(self, why: str) -> None:
-        self._lost += 1
-        self._unread, self._unread_at = self._unread or why, time.monotonic()
 
     def _forward(self, call: Call) -> None:
         with self._lock:
@@ -164,7 +185,7 @@ class Relay:
             answered = self._client.call_async(call.request)
 
         def take(done: Any) -> None:
-            call.answered = True
+            call.answered, call.lost = True, self._responses.take()
             self._on_response(call, done.result())
 
         answered.add_done_callback(take)

@@ -77,7 +77,8 @@ class ProxiedService:
 
     def _answer(self, call: Call, response: Any) -> None:
         reply = self._relay.reply
-        self._response.judge(response, lambda: reply(call, response), lambda: self._deny(call), call.number)
+        give, refuse = lambda: reply(call, response), lambda: self._deny(call)
+        self._response.judge(response, give, refuse, call.number, lost=call.lost)
 
     def _deny(self, call: Call) -> bool:
         return self._relay.reply(call, write(self._type.Response(), self._denied))
