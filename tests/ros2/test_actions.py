@@ -376,3 +376,21 @@ def test_a_denied_result_that_does_not_fit_ends_the_adapter(tmp_path: Path) -> N
     wrong = described("/fib", "goal", "test_msgs/action/Fibonacci", proxy="/fib_mon", denied_result={"code": 1})
     with pytest.raises(AssertionError, match="code: Fibonacci_Result has no such field"), acting(tmp_path, [wrong]):
         pass
+
+
+def test_who_hears_asked_feedback_past_the_monitor_is_told_while_nobody_hears_what_passes(tmp_path: Path) -> None:
+    with acting(tmp_path, streams("feedback")) as scene:
+        peer = scene.scene.peer("pilot")
+        peer.record(test_msgs.Fibonacci.Impl.FeedbackMessage, "/fib/_action/feedback")
+        text = "nobody hears /fib_mon/_action/feedback, and past the monitor hears /fib/_action/feedback: /pilot"
+        eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda told: text in told)
+        peer.record(test_msgs.Fibonacci.Impl.FeedbackMessage, "/fib_mon/_action/feedback")
+        eventually(lambda: scene.judge.reports["/fib goal"], lambda told: text not in told)
+
+
+def test_who_hears_feedback_that_is_not_asked_about_is_not_told(tmp_path: Path) -> None:
+    with acting(tmp_path, streams("goal")) as scene:
+        peer = scene.scene.peer("pilot")
+        peer.record(test_msgs.Fibonacci.Impl.FeedbackMessage, "/fib/_action/feedback")
+        text = "nobody serves /fib"  # which is told later than it would be
+        eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda told: told == text)

@@ -85,7 +85,7 @@ class ProxiedAction:
         ]
         self._unserved = UnservedAction(node, served)
         self.doubt = ""
-        """That nobody serves it, as of the last look."""
+        """That nobody serves it, or hears what passes of its feedback, as of the last look."""
         self.bypass = ""
         """What lets goals and news of them past the monitor, as of the last look."""
         self._trouble = ""
@@ -117,7 +117,7 @@ class ProxiedAction:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        self.doubt = self._unserved.look()
+        self.doubt = "; ".join(filter(None, (self._unserved.look(), self._feedback.doubt)))
         relays = self._sending, self._cancelling, self._results
         found = [*self._feedback.look(), *self._status.look(), *(text for relay in relays for text in relay.look())]
         self._abort(self._orphaned())

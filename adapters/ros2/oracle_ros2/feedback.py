@@ -13,6 +13,7 @@ from oracle_adapter.pacing import Pacer
 from oracle_adapter.passing import Passing
 
 from oracle_ros2.endpoints import MatchedSubscription
+from oracle_ros2.graph import unguarded
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.topics import Observed, unreadable
@@ -56,6 +57,7 @@ class RelayedFeedback:
     ) -> None:
         """`topics`: where feedback comes from, and where it goes."""
         self._link, self._board, self._goals, self._name = shared.link, shared.board, goals, name
+        self._node, self._topics = shared.node, topics
         self._publisher = MatchedPublisher(shared.node, message_type, topics[1])
         self._pacer = Pacer(self._publish)
         self._entering = threading.RLock()  # guards what waits for a reply: that comes in the link's thread, too
@@ -75,6 +77,11 @@ class RelayedFeedback:
         self.subscription = MatchedSubscription(shared.node, message_type, topics[0], self._take)
         if self.observed is not None:
             self.observed.is_foreign = self.subscription.is_foreign
+
+    @property
+    def doubt(self) -> str:
+        """Who hears what does not pass, while nobody hears what does; empty where all of it passes."""
+        return unguarded(self._node, *self._topics) if self._queue is not None else ""
 
     @property
     def bypass(self) -> str:
