@@ -109,6 +109,7 @@ class Exchange:
         with self._lock:
             queued = self._protocol.send(_stamp_value(stamp), body, lost)
             self._wake()
+            self._tell_soon()
         return queued
 
     def ask(self, stamp: Stamp, body: str, lost: int, seconds: float, then: Then) -> None:
@@ -117,6 +118,7 @@ class Exchange:
             if self._loop is None and self._protocol.ended is None:
                 raise _not_started()
             asked = self._protocol.ask(_stamp_value(stamp), body, lost)
+            self._tell_soon()
             if self._loop is not None and not isinstance(asked, Answer):
                 self._asks[asked.number] = asked, then
                 if self._deadlines.add(self._loop.time() + seconds, asked.number):
@@ -304,6 +306,16 @@ class Exchange:
             self._loop.call_soon(call)
         else:
             self._loop.call_soon_threadsafe(call)
+
+    def _tell_soon(self) -> None:
+        """Deliver what a loss has to tell: a server to which nothing goes may answer nothing."""
+        if self._protocol.has_notices:
+            self._soon(self._tell)
+
+    def _tell(self) -> None:
+        with self._lock:
+            notices = self._protocol.take_notices()
+        self._deliver(notices)
 
     def _gather_handlings(self) -> None:
         asyncio.get_running_loop().call_later(HANDLINGS_AFTER, self._send_handlings)

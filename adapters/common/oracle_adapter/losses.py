@@ -2,43 +2,52 @@
 
 from __future__ import annotations
 
+import json
 import re
-from typing import Optional, Set
+from typing import Dict, Optional, Tuple
 
 from oracle_adapter.errors import LinkError
 
-_STREAM = re.compile(r'"stream":("[^"]*")')
+_PLACE = re.compile(r'"stream":("[^"]*")(?:,"kind":"([^"]*)")?')
 
 
 def too_large(body: str) -> str:
     """Why an event with this JSON can't be sent."""
-    stream = _stream_of(body)
-    of = f" of {stream}" if stream else ""
-    return f"an event{of} is too large for a frame: what is read of it takes {len(body):,} bytes"
+    stream, _ = place_of(body)
+    of = f' of "{stream}"' if stream else ""
+    return f"an event{of} is {_too_large(body)}"
 
 
-def _stream_of(body: str) -> str:
-    """The stream of an event, as its JSON has it."""
-    name = _STREAM.match(body)
-    return name[1] if name else ""
+def place_of(body: str) -> Tuple[str, str]:
+    """The stream of an event and its kind, as its JSON has them."""
+    place = _PLACE.match(body)
+    return (json.loads(place[1]), place[2] or "") if place else ("", "")
+
+
+def _too_large(body: str) -> str:
+    return f"too large for a frame: what is read of it takes {len(body):,} bytes"
 
 
 class Losses:
     """The causes that were reported."""
 
     def __init__(self) -> None:
-        self._large: Set[str] = set()  # the streams with an event that was too large
+        self._large: Dict[Tuple[str, str], str] = {}  # what to say of streams, by their kinds, too
         self.is_full = False
         """Whether a full queue was reported, and has had no room since."""
 
     def large(self, body: str) -> Optional[LinkError]:
         """The report of an event that is too large; None where there was one of its stream."""
-        stream = _stream_of(body)
-        if stream in self._large:
+        place = place_of(body)
+        if place in self._large:
             return None
-        self._large.add(stream)
+        self._large[place] = f"events are lost, the first one was {_too_large(body)}"
         more = "more of this is counted and not reported"
         return LinkError("lost", f"{too_large(body)}; {more}")
+
+    def of(self, stream: str, kind: str) -> str:
+        """What is wrong with a stream for good: some of it was never sent; else empty."""
+        return self._large.get((stream, kind), "")
 
     def full(self, count: int) -> Optional[LinkError]:
         """The report of an event for which a queue of so many has no room; None after one."""

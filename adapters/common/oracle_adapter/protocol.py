@@ -25,7 +25,7 @@ from typing import (
 from oracle_adapter.decision import Answer, denied
 from oracle_adapter.errors import ENDING, LinkError
 from oracle_adapter.jsonvalues import dumps
-from oracle_adapter.losses import Losses, too_large
+from oracle_adapter.losses import Losses, place_of, too_large
 from oracle_adapter.notices import (
     Answered,
     Attached,
@@ -149,6 +149,9 @@ class Protocol:
             return False
         key = stream, kind
         report = {**self._reports.get(key, {}), **facts}
+        loss = self._losses.of(stream, kind)
+        if loss and loss not in report.get("trouble", ""):
+            report["trouble"] = "; ".join(filter(None, (report.get("trouble"), loss)))
         if self._reports.get(key) == report:
             return False
         self._reports[key] = report
@@ -214,6 +217,11 @@ class Protocol:
             return dumps({"type": "detach"})
         return frame
 
+    @property
+    def has_notices(self) -> bool:
+        """Whether something has happened since."""
+        return bool(self._notices)
+
     def take_notices(self) -> List[Notice]:
         """What has happened since the last call, in order."""
         taken, self._notices = self._notices, []
@@ -258,9 +266,13 @@ class Protocol:
             return None
         event = self._outbox.put(stamp, body, lost=lost, ask=ask)
         if event is None:
-            large = self._outbox.is_too_large(body)
-            loss = self._losses.large(body) if large else self._losses.full(len(self._outbox))
-            self._notices += [] if loss is None else [loss]
+            if self._outbox.is_too_large(body):
+                loss = self._losses.large(body)
+                self.report(*place_of(body))
+            else:
+                loss = self._losses.full(len(self._outbox))
+            if loss is not None:
+                self._notices.append(loss)
         elif self._losses.is_full and not self._outbox.crowded:
             self._losses.is_full = False
         return event

@@ -80,6 +80,37 @@ class TestSending:
         assert link.send("/a", "topic", 120, {})
         assert peer.events(1)[0]["lost"] == 20
 
+    def test_what_is_too_large_is_told_at_once_to_people_and_to_the_server(
+        self, oracle: Oracle, news: News, links: List[Link]
+    ) -> None:
+        link = Link(oracle.url, "uav1", **news.callbacks())
+        links.append(link)
+        link.start()
+        peer = oracle.accept()
+        peer.attach()
+        link.wait_attached(PATIENCE)
+        assert not link.send("/a", "topic", 1, {"x": "x" * (1 << 20)})  # the server hears nothing
+        assert "too large for a frame" in news.errors.get(timeout=PATIENCE).message
+        (told,) = peer.recv()["streams"]
+        assert told["stream"] == "/a"
+        assert told["trouble"].startswith("events are lost, the first one was too large")
+        link.report("/a", "topic", trouble="its publishers differ")
+        (both,) = peer.recv()["streams"]
+        assert both["trouble"] == f"its publishers differ; {told['trouble']}"
+        link.report("/a", "topic", trouble="")
+        assert peer.recv()["streams"] == [told]
+
+    def test_a_full_queue_is_told_where_there_is_no_server(
+        self, oracle: Oracle, news: News, links: List[Link]
+    ) -> None:
+        peerless = Link(oracle.url, "uav1", capacity=1, **news.callbacks())
+        links.append(peerless)
+        oracle.stop()
+        peerless.start()
+        assert "unreachable" in str(news.errors.get(timeout=PATIENCE))
+        assert [peerless.send("/a", "topic", n, {}) for n in range(2)] == [True, False]
+        assert "the queue of 1 events is full" in str(news.errors.get(timeout=PATIENCE))
+
     def test_values_that_json_lacks(self, oracle: Oracle, link: Link) -> None:
         peer = oracle.accept()
         peer.attach()
