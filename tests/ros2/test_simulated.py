@@ -121,3 +121,21 @@ def test_two_nodes_that_tell_the_time_are_named_once_it_goes_back_and_until_one_
         player.node.destroy_publisher(clocks[1])
         adapter.said("simulated time: recovered")
         adapter.ends_well()
+
+
+def test_a_clock_that_an_adapter_does_not_run_by_is_told_while_it_is_published(tmp_path: Path) -> None:
+    def troubles() -> dict[tuple[str, str], str]:
+        (monitor,) = scene.server.session("s")["monitors"]
+        return {(told["stream"], told["kind"]): told["trouble"] or "" for told in monitor["streams"]}
+
+    with Scene(tmp_path / "scene") as scene:
+        adapter, world = scene.adapter("battery_uav"), scene.peer("world")
+        clock = world.node.create_publisher(clock_msgs.Clock, "/clock", 10)
+        adapter.said("simulated time: /clock is published by /world, and the adapter runs by the wall clock")
+        stamped, not_stamped = ("/battery_percentage", "topic"), ("/SetLED", "request")
+        told = eventually(troubles, lambda found: "use_sim_time:=true" in found[stamped])
+        assert "/clock" not in told[not_stamped]
+        world.node.destroy_publisher(clock)
+        adapter.said("simulated time: recovered")
+        eventually(troubles, lambda found: "/clock" not in found[stamped])
+        adapter.ends_well()

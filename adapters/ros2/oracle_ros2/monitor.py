@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 from oracle_ros2.endpoints import full_name
 from oracle_ros2.parts import make_part, names_on_graph
 from oracle_ros2.shared import Shared
-from oracle_ros2.stamps import on_back, simulated, time_of
+from oracle_ros2.stamps import on_back, simulated, time_of, wall_doubt
 
 if TYPE_CHECKING:
     from oracle_adapter import Attached, Board, Link, Names
@@ -79,21 +79,21 @@ class Monitor:
             part.stop()
 
     def _look(self) -> None:
-        if self._watch is not None:
-            self._board.trouble(SIMULATED, self._silent.look() or self._torn.look(self._tellers()))
+        tellers = [full_name(info) for info in self._node.get_publishers_info_by_topic("/clock")]
+        time_doubt = wall_doubt(tellers) if self._watch is None else ""
+        time_trouble = self._silent.look() or self._torn.look(tellers)
+        self._board.trouble(SIMULATED, time_trouble, time_doubt)
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
-            trouble = "; ".join(filter(None, (trouble, part.doubt)))
+            by_field = any(stream.time_source == "field" for stream in part.streams)
+            trouble = "; ".join(filter(None, (trouble, part.doubt, time_doubt if by_field else "")))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
 
     def _renew(self) -> None:
         """Go on in another session, as simulated time goes back."""
         self._torn.goes_back()
         self._link.renew(lambda: self._clocks.readings(self._now()))
-
-    def _tellers(self) -> list[str]:
-        return [full_name(info) for info in self._node.get_publishers_info_by_topic("/clock")]
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.
