@@ -136,9 +136,11 @@ class Protocol:
         """End the session by clocks that go back, and continue in the next one."""
         if self._closed_reason:
             return
+        lost_before = self._stats.lost
         for event in self._outbox.renew(stamps):
             if event.waiting:
                 self._unavailable(event, "simulated time went back")
+        self._tell_left(lost_before)
 
     def report(self, stream: str, kind: str, **facts: Any) -> bool:
         """Report facts of a stream, on all connections; False where they were reported already.
@@ -266,13 +268,11 @@ class Protocol:
             return None
         event = self._outbox.put(stamp, body, lost=lost, ask=ask)
         if event is None:
-            if self._outbox.is_too_large(body):
-                loss = self._losses.large(body)
+            large = self._outbox.is_too_large(body)
+            loss = self._losses.large(body) if large else self._losses.full(len(self._outbox))
+            self._notices += [] if loss is None else [loss]
+            if large:
                 self.report(*place_of(body))
-            else:
-                loss = self._losses.full(len(self._outbox))
-            if loss is not None:
-                self._notices.append(loss)
         elif self._losses.is_full and not self._outbox.crowded:
             self._losses.is_full = False
         return event
@@ -368,9 +368,18 @@ class Protocol:
             # No time went back: the session was closed before, and the next one takes what waits.
             self._outbox.move()
             return
+        lost_before = self._stats.lost
         for event in self._outbox.start_over():
             if event.waiting:
                 self._unavailable(event, reason)
+        self._tell_left(lost_before)
+
+    def _tell_left(self, lost_before: int) -> None:
+        """Tell of what the session that has ended may lack."""
+        count = self._stats.lost - lost_before
+        if count:
+            message = f"{count} events may not be in the session that has ended"
+            self._notices.append(LinkError("lost", message))
 
     def _on_detached(self, frame: Mapping[str, Any]) -> None:  # noqa: ARG002 - as all of them
         self.detached = True

@@ -80,8 +80,10 @@ class TestGoingOnInAnotherSession:
         stale = side.queued("of the time before")
         side.protocol.clock([("/a", "topic", 101)])
         side.protocol.renew([("/a", "topic", 5)])
-        answered = answer_in(side.protocol.take_notices())
+        first, *lost = side.protocol.take_notices()
+        answered = answer_in([first])
         assert (answered.event, answered.why) == (stale, "unavailable")
+        assert str(*lost) == "lost: 1 events may not be in the session that has ended"
         side.send("new")
         if not attached:
             side.attach(session="s2")
@@ -116,8 +118,10 @@ class TestGoingOnInAnotherSession:
         side.frames()
         side.receive("ack", upto=1)
         side.send("unsent")
-        error, answered = side.receive("error", code="session_ended", message="over", fatal=True)
+        notices = side.receive("error", code="session_ended", message="over", fatal=True)
+        error, answered, lost = notices
         assert (error.code, error.fatal) == ("session_ended", False)
+        assert str(lost) == "lost: 2 events may not be in the session that has ended"
         assert (answered.event, answered.answer.why) == (asked, "unavailable")
         assert side.protocol.stats().lost == 2
         side.protocol.disconnected()
