@@ -27,6 +27,7 @@ from oracle_adapter.command import close, make_link, wait_attached
 
 from oracle_ros1.codec import CodecError
 from oracle_ros1.graph import dump_graph, log_without_master
+from oracle_ros1.handshakes import hear_each_by_itself
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
 from oracle_ros1.nodename import taken
 from oracle_ros1.options import complete, read_options
@@ -46,6 +47,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start, is refused, or is replaced."""
     options, for_ros = read_options(sys.argv if arguments is None else arguments, __doc__)
     stopping = Stopping()
+    hear_each_by_itself()
     with stopping.asking_master():  # there may be none yet, and there is nothing to end
         why = "" if options.dump_graph else taken(_node_name(options), for_ros, _say)
         if why:
