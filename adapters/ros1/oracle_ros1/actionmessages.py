@@ -51,7 +51,7 @@ class ActionTypes:
     def check(self, kind: str, header: Header) -> None:
         """Raise `CodecError` where a publisher's messages can't be those of a topic."""
         wanted = self.topics[kind]
-        if header["md5sum"] != wanted._md5sum:  # noqa: SLF001 - genpy's own interface
+        if header.get("md5sum") != wanted._md5sum:  # noqa: SLF001 - genpy's own interface
             name = wanted._type  # noqa: SLF001
             what = f"another version of {name} than is installed here"
             if header.get("type") != name:

@@ -75,7 +75,7 @@ class Observed:
 
     def decoder(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher with this connection header, or why nothing can."""
-        key = header.get("type", ""), header["md5sum"]
+        key = header.get("type", ""), header.get("md5sum", "")
         defined = (*key, header.get("message_definition", ""))
         with self._deciding:
             if key not in self._decoders and defined not in self._unusable:
@@ -142,7 +142,7 @@ class Observed:
         published = header.get("type")
         if self._type and published != self._type:
             raise CodecError(f"it publishes {published or 'what has no type'}, and the spec says {self._type}")
-        if self.installed and self.installed.digest == header["md5sum"]:
+        if self.installed and self.installed.digest == header.get("md5sum"):
             return self.installed
         return self._decoder(sent_definition(header))
 
@@ -170,4 +170,4 @@ def deafen(subscriber: rospy.Subscriber) -> None:
 def headers(subscriber: rospy.Subscriber) -> List[Header]:
     """The connection headers of the publishers that are connected."""
     connections = subscriber.impl.connections if subscriber.impl else []
-    return [header for header in (c.header for c in connections or []) if header and "md5sum" in header]
+    return [header for header in (c.header for c in connections or []) if header]
