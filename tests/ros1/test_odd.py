@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pytest
 import rospy
@@ -110,6 +112,7 @@ def test_a_definition_that_can_not_be_read_is_told_and_others_are_heard(kind: An
 
 
 TYPELESS = """
+import hashlib
 import sys
 import rospy
 from rospy.impl.tcpros_pubsub import TCPROSPub
@@ -140,4 +143,48 @@ def test_a_publisher_that_does_not_say_its_type_does_not_end_the_adapter(unsaid:
         peer.publish("/text", String("damn"))
         [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
         assert violation["property"] == "polite"
+        adapter.ends_well()
+
+
+FOREIGN = SPEC.replace("geometry_msgs/Vector3", "foreign_msgs/Vector")
+
+
+class Foreign(Vector3):  # type: ignore[misc]
+    """What is not installed where the adapter is."""
+
+    _type = "foreign_msgs/Vector"
+
+
+class Newer(Foreign):
+    """A later version of it, in which there is more."""
+
+    _full_text = "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+    _md5sum = hashlib.md5(_full_text.strip().encode()).hexdigest()
+
+    def serialize(self, buffer: BytesIO) -> None:
+        super().serialize(buffer)
+        buffer.write(bytes(8))
+
+    def deserialize(self, data: bytes) -> Self:
+        super().deserialize(data[:24])
+        return self
+
+
+def test_another_version_is_forwarded_once_nobody_publishes_the_first_one(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, FOREIGN)) as scene:
+        adapter, old, newer, hearer = scene.adapter("odd"), scene.peer(), scene.peer(), scene.peer()
+        old.advertise(Foreign, "/vector_mon")
+        old.record(Foreign, "/vector", speakers=1)
+        newer.advertise(Newer, "/vector_mon")
+        adapter.said("/peer1 publishes another version of foreign_msgs/Vector than is given")
+        newer.publish("/vector_mon", Newer(1, 0, 0))
+        old.publish("/vector_mon", Foreign(2, 0, 0))
+        assert numbers(old.heard("/vector", 1)) == [2]
+        old.withdraw("/vector_mon")
+        adapter.said("/vector: recovered")
+        hearer.record(Newer, "/vector", speakers=1)
+        newer.publish("/vector_mon", Newer(3, 0, 0), Newer(1000, 0, 0), Newer(4, 0, 0))
+        assert numbers(hearer.heard("/vector", 2)) == [3, 4]
+        told = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 4)
+        assert [event["passed"] for event in told] == [True, True, False, True]
         adapter.ends_well()

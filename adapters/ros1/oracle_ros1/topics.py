@@ -167,18 +167,30 @@ class FilteredTopic:
         return {key: ready for key, ready in self._ready.items() if key in there}
 
     def _publish(self, decoder: Decoder) -> rospy.Publisher:
-        """Give messages of this definition, unless others are given."""
+        """Give messages of this definition, unless others are given that somebody publishes, or that are installed."""
         with self._latches.lock:
+            if self._publisher is not None and self._is_over(self._publisher.md5sum, decoder.digest):
+                self._publisher.unregister()
+                self._publisher = None
             if self._publisher is None:
                 self._publisher = rospy.Publisher(
                     self._given, decoder.definition.type, self._latches, tcp_nodelay=True, queue_size=DEPTH
                 )
             return self._publisher
 
+    def _is_over(self, given: str, wanted: str) -> bool:
+        """Whether another version takes the place of what is given, as where a node was built anew and started again.
+
+        That of the installed one it never takes: rospy's subscribers do not come again to who has refused them.
+        """
+        if self._observed.installed or given == wanted:
+            return False
+        return all(header.get("md5sum") != given for header in headers(self._subscriber))
+
     def _forward(self, message: rospy.AnyMsg) -> bool:
         with self._latches.lock:
-            if self._stopped or self._publisher is None:
-                return False
+            if self._stopped or self._publisher is None or self._publisher.md5sum != header_of(message).get("md5sum"):
+                return False  # what is given has changed while it was decided on
             try:
                 self._publisher.publish(message)
             except rospy.ROSException:  # ROS is shut down, as by `rosnode kill`
