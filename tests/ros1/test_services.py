@@ -66,3 +66,14 @@ def test_a_call_passes_byte_for_byte(tmp_path: Path) -> None:
         told = [(event["kind"], event["passed"]) for event in scene.server.events("s")]
         assert told == [("request", True), ("response", True)]
         adapter.ends_well()
+
+
+def test_a_time_that_its_type_does_not_have_is_told(tmp_path: Path) -> None:
+    spec = SWITCH.replace("std_srvs/SetBool", "battery_uav_msgs/SetLED").replace("on: msg.data", "on: msg.id > 0")
+    spec = spec.replace("request: {signals", "request: {stamp: at, signals").replace("msg.message", "string(msg.id)")
+    with Scene(tmp_path, spec_folder(tmp_path, spec)) as scene:
+        adapter = scene.adapter("switch")
+        adapter.said(
+            "/switch: the request of battery_uav_msgs/srv/SetLED has no time at `at`: ordered by arrival instead"
+        )
+        adapter.ends_well()

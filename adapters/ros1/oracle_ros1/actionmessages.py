@@ -18,7 +18,7 @@ from oracle_ros1.codec import CodecError, lacking, reader
 from oracle_ros1.definitions import lookup_installed, ros1_name
 from oracle_ros1.observed import Header, header_of
 from oracle_ros1.shared import Shared
-from oracle_ros1.stamps import stamp_reader
+from oracle_ros1.stamps import misplaced, stamp_reader
 from oracle_ros1.statusarray import ArrayReader
 
 LONGEST = 255
@@ -83,7 +83,7 @@ class ActionStream:
         elif sent:
             self._stamp = lambda message, _found: sent(message)
         if path and not named:
-            self.trouble = f"its {self.kind} has no time at `{path}`: ordered by arrival instead"
+            self.trouble = misplaced(f"its {self.kind}", path)
         if inner is not None:
             unread = lacking(inner, stream.get("reads") or (), lookup_installed)
             self.trouble = self.trouble or not_there(f"the {self.kind} of {stream['type']}", unread)

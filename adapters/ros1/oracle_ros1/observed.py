@@ -13,7 +13,7 @@ from oracle_adapter.kept import Beginning
 
 from oracle_ros1.codec import CodecError, Read, lacking, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
-from oracle_ros1.stamps import Now, stamp_reader
+from oracle_ros1.stamps import Now, misplaced, stamp_reader
 
 Header = Mapping[str, str]
 
@@ -131,7 +131,7 @@ class Observed:
         """Why messages are not ordered by the field that the spec names."""
         known = [decoder for decoder in decoders if isinstance(decoder, Decoder)]
         if self._path and any(decoder.stamp is None for decoder in known):
-            yield f"{self._type or 'its type'} has no time at `{self._path}`: ordered by arrival instead"
+            yield misplaced(self._type or "its type", self._path)
 
     def _take_unread(self) -> int:
         with self._deciding:

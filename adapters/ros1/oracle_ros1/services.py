@@ -14,7 +14,7 @@ from oracle_adapter.passing import Passing
 from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
 from oracle_ros1.shared import Shared
-from oracle_ros1.stamps import stamp_reader
+from oracle_ros1.stamps import misplaced, stamp_reader
 
 
 def _as_sent(service_type: Any) -> Any:
@@ -61,8 +61,7 @@ class ProxiedService:
     def look(self) -> str:
         """Why calls do not reach the proxy, and what the service's type lacks; empty where all is well."""
         self.bypass = self._graph.not_serving(self._proxy)
-        troubles = (self.bypass, self._request.lacking, self._response.lacking)
-        return "; ".join(trouble for trouble in troubles if trouble)
+        return "; ".join(filter(None, (self.bypass, self._request.lacking, self._response.lacking)))
 
     def stop(self) -> None:
         """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has."""
@@ -105,9 +104,11 @@ class _Side:
         self.passing: Optional[Passing] = None
         if is_filtered(stream):
             self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
-        unread = lacking(message_type, stream.get("reads") or (), lookup_installed)
-        self.lacking = not_there(f"the {self.kind} of {stream['type']}", unread)
         self.read = reader(message_type, stream["fields"], lookup_installed)
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else None
+        what = f"the {self.kind} of {stream['type']}"
+        unread = not_there(what, lacking(message_type, stream.get("reads") or (), lookup_installed))
+        no_time = misplaced(what, stream["stamp"]) if stream["stamp"] and not self.stamp else ""
+        self.lacking = "; ".join(filter(None, (unread, no_time)))
         self.time_source: Optional[TimeSource] = "field" if self.stamp else "arrival"
         self.latency: Optional[int] = stream["latency"] if self.stamp else None

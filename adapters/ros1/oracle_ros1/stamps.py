@@ -32,6 +32,11 @@ def stamp_reader(message_type: Any, path: Optional[str]) -> Optional[Callable[[A
     return None
 
 
+def misplaced(what: str, path: str) -> str:
+    """What to say where something has no time at the `path` that the spec names."""
+    return f"{what} has no time at `{path}`: ordered by arrival instead"
+
+
 def wall_now() -> int:
     """The time by the wall clock."""
     return time.time_ns()
