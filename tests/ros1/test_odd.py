@@ -188,3 +188,21 @@ def test_another_version_is_forwarded_once_nobody_publishes_the_first_one(tmp_pa
         told = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 4)
         assert [event["passed"] for event in told] == [True, True, False, True]
         adapter.ends_well()
+
+
+def test_what_cannot_be_read_is_lost_though_no_event_of_its_topic_follows(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        adapter, speaker, wrong = scene.adapter("odd"), scene.peer(), scene.peer()
+        speaker.advertise(Vector3, "/vector_mon")
+        wrong.advertise(Point, "/text")
+        wrong.publish("/text", Point(1, 2, 3), Point(4, 5, 6))
+        adapter.said("/text: nothing of /peer1 can be read: it publishes geometry_msgs/Point")
+        wrong.withdraw("/text")
+        adapter.said("/text: recovered")
+
+        def lost() -> Any:
+            speaker.publish("/vector_mon", Vector3(1, 0, 0))
+            return scene.server.session("s")["counters"]["lost"]
+
+        eventually(lost, lambda count: count == 2)
+        adapter.ends_well()

@@ -171,6 +171,11 @@ class Link:
         body = _body(stream, kind, data, ask=True, **more)
         self._exchange.ask(stamp, body, more.get("lost") or 0, decide_within, then)
 
+    def lost(self, count: int) -> None:
+        """Have the next event, of whatever stream, tell that so many could not be read."""
+        if count:
+            self._exchange.miss(count)
+
     def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask; nothing where its event was never queued."""
         self._exchange.handled(answer, passed, why)

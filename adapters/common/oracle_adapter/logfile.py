@@ -50,7 +50,8 @@ class LogFile:
         self._lock = threading.Lock()
         self._stats = Stats()
         self._seq = self._arrived = 0
-        self._missed = 0  # events lost since the last line
+        self._missed = 0  # events that could not be written since the last line
+        self._unread = 0  # events that could not be read, which no line tells yet
         self._back = False
         try:
             self._cut = _is_cut(path)  # within a line
@@ -83,23 +84,28 @@ class LogFile:
             line.update(seq=self._seq, stamp=published, arrived=self._arrived, data=data)
             if self._back:
                 line["back"] = True
-            lost = (more.get("lost") or 0) + self._missed
+            lost = (more.get("lost") or 0) + self._missed + self._unread
             if lost:
                 line["lost"] = lost
             try:
                 self._append(dumps(line))
             except (OSError, ValueError) as error:
                 first = not self._missed
-                self._missed = lost + 1
+                self._missed, self._unread = lost + 1, 0
                 self._stats.lost += 1
                 reason = getattr(error, "strerror", None) or str(error)
             else:
-                self._missed, self._back = 0, False
+                self._missed, self._unread, self._back = 0, 0, False
                 self._stats.sent += 1
                 return True
         if first:
             self._on_error(LinkError("lost", f"the log can't be written: {reason}"))
         return False
+
+    def lost(self, count: int) -> None:
+        """Have the next line tell that so many events could not be read before it."""
+        with self._lock:
+            self._unread += count
 
     def clock(self, stamps: object) -> None:
         """Ignore it: only the server's ordering needs clocks."""

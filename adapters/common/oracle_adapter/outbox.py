@@ -94,6 +94,10 @@ class Outbox:
         """Whether an event is more than a frame may be."""
         return HEAD + len(body) > self._max_frame
 
+    def miss(self, count: int) -> None:
+        """Count events that were lost before they came here: the next event tells it."""
+        self._missed += count
+
     def clock(self, stamps: Iterable[ClockStamp]) -> None:
         """Queue clocks after every event queued so far."""
         if self._last_here is None:

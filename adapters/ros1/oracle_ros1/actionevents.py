@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter, OrderedDict
+from collections import OrderedDict, defaultdict
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
 import rospy
 from oracle_adapter import Stamp
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.interfaces import Interface
+from oracle_adapter.unread import Unread
 
 from oracle_ros1.actionmessages import ActionStream, ActionTypes, text_of
 from oracle_ros1.actionstatus import accepted, word
@@ -45,7 +46,7 @@ class ActionEvents:
         self._link, self._unheard = shared.link, Unheard(shared.graph)
         self._replying = threading.Lock()  # guards what follows
         self._unanswered: "OrderedDict[str, int]" = OrderedDict()  # goals without a reply, with their numbers
-        self._lost: Counter[str] = Counter()
+        self._lost: Dict[str, Unread] = defaultdict(Unread)
         self._unread: Dict[str, str] = {}
 
     def reads(self, kind: str) -> bool:
@@ -63,7 +64,7 @@ class ActionEvents:
             return self.types.decoded(kind, message)
         except CodecError as error:
             with self._replying:
-                self._lost[kind] += 1
+                self._lost[kind].add()
                 self._unread[header_of(message).get("callerid", "an unknown node")] = str(error)
             return None
 
@@ -86,7 +87,7 @@ class ActionEvents:
             more["status"] = word(code)
         if kind in self._lost:
             with self._replying:
-                more["lost"] = self._lost.pop(kind, None)
+                more["lost"] = self._lost[kind].take()
         return Event(stream.stamp(message, found), stream.data(found), more)
 
     def send(self, kind: str, event: Event) -> None:
@@ -152,5 +153,7 @@ class ActionEvents:
         with self._replying:
             self._unread = {node: why for node, why in self._unread.items() if node in nodes}
             found.update(dict.fromkeys(self._unread.values()))
+            overdue = sum(lost.overdue() for lost in self._lost.values())
+        self._link.lost(overdue)
         found.update(dict.fromkeys(self._unheard.look(subscribers.values())))
         return list(found)

@@ -10,6 +10,7 @@ import rospy
 from oracle_adapter import Stamp, TimeSource
 from oracle_adapter.fields import not_there
 from oracle_adapter.kept import Beginning
+from oracle_adapter.unread import Unread
 
 from oracle_ros1.codec import CodecError, Read, lacking, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
@@ -51,7 +52,7 @@ class Observed:
         self._decoders: Dict[Tuple[str, str], Decoder] = {}
         self._unusable: Dict[Tuple[str, str, str], str] = {}  # why there is none, by what the publisher defines too
         self._refused: Dict[str, str] = {}  # by node, since the last look
-        self._unread = 0  # messages since the last event, under the lock
+        self._unread = Unread()  # under the lock
         self.unreadable: Dict[str, str] = {}
         """Why messages of a node can't be read."""
         self._deciding = threading.Lock()
@@ -89,7 +90,7 @@ class Observed:
     def refuse(self, header: Header, why: str) -> None:
         """Count a message that nothing can decode as lost; the next look tells why."""
         with self._deciding:
-            self._unread += 1
+            self._unread.add()
             self._refused[header.get("callerid", "an unknown node")] = why
 
     def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Optional[Tuple[Stamp, Any, int]]:
@@ -109,7 +110,7 @@ class Observed:
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             node = header_of(message).get("callerid", "an unknown node")
             with self._deciding:
-                self._unread += 1
+                self._unread.add()
                 self.unreadable[node] = f"{node} publishes what can't be read: {error}"
             return None
         if stamp and header_of(message).get("latching") == "1" and self._beginning.is_after(stamp):
@@ -133,10 +134,14 @@ class Observed:
         if self._path and any(decoder.stamp is None for decoder in known):
             yield misplaced(self._type or "its type", self._path)
 
+    def overdue(self) -> int:
+        """How many messages nothing could decode that no event of the topic has told in time, to be told by another."""
+        with self._deciding:
+            return self._unread.overdue()
+
     def _take_unread(self) -> int:
         with self._deciding:
-            taken, self._unread = self._unread, 0
-        return taken
+            return self._unread.take()
 
     def _found(self, header: Header) -> Decoder:
         published = header.get("type")

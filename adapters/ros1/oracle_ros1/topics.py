@@ -39,6 +39,7 @@ class LoggedTopic:
     def look(self) -> str:
         """Read its publishers' connection headers, and return what is wrong."""
         publishers = headers(self._subscriber)
+        self._link.lost(self._observed.overdue())
         self._silence.look(lambda: bool(publishers), self._graph.published)
         if self._has_monitors:
             others = {str(header.get("callerid")) for header in publishers} - {rospy.get_name()}
@@ -82,7 +83,7 @@ class FilteredTopic:
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
         stream = topic.first
-        self._graph, self._observed = shared.graph, Observed(stream, shared.now)
+        self._link, self._graph, self._observed = shared.link, shared.graph, Observed(stream, shared.now)
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
@@ -106,7 +107,9 @@ class FilteredTopic:
         What it gives is published from here on, so that there are subscribers before the first message.
         """
         publishers = headers(self._subscriber)
+        self._link.lost(self._observed.overdue())
         self._silence.look(lambda: bool(publishers), self._graph.published)
+        self._link.lost(self._observed.overdue())
         found = [self._prepared(header) for header in publishers]
         self._latches.forget()
         if self._publisher is not None:

@@ -1,0 +1,36 @@
+"""Messages that could not be read, until an event tells that they are lost."""
+
+from __future__ import annotations
+
+import time
+from typing import Callable
+
+TOLD_WITHIN = 1.0
+"""Seconds in which an event of the same stream may tell it; later one of any stream does."""
+
+
+class Unread:
+    """How many messages of a stream nothing has told yet; one thread at a time may call it."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """`clock` returns seconds."""
+        self._clock = clock
+        self._count, self._since = 0, 0.0
+
+    def __bool__(self) -> bool:
+        return self._count > 0
+
+    def add(self) -> None:
+        """Count one."""
+        if not self._count:
+            self._since = self._clock()
+        self._count += 1
+
+    def take(self) -> int:
+        """All of them, to be told with an event of the stream."""
+        taken, self._count = self._count, 0
+        return taken
+
+    def overdue(self) -> int:
+        """All of them, for an event of any stream, where none of this one came in time; else 0."""
+        return self.take() if self._clock() - self._since >= TOLD_WITHIN else 0
