@@ -64,8 +64,8 @@ class Address:
 
     @property
     def shown(self) -> str:
-        """The address for people, without the password that may be in it."""
-        return re.sub(r"(?<=:)//[^/]*@", "//", self.url)
+        """The address for people, without the password that may be in it, or what may be one."""
+        return self.url if self.url.startswith(UNIX) else re.sub("//.*@", "//", self.url)
 
 
 def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> List[Address]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, List
 
 import pytest
 from oracle_adapter import Link, LinkError, Timing
-from oracle_adapter.connection import attach_url
+from oracle_adapter.connection import Address, attach_url
 from tests.adapters.common.links import PATIENCE, QUICK
 
 if TYPE_CHECKING:
@@ -133,6 +133,17 @@ class TestAttaching:
     )
     def test_addresses(self, given: str, used: str) -> None:
         assert attach_url(given) == used
+
+    @pytest.mark.parametrize(
+        ("url", "shown"),
+        [
+            ("ws://uav1:secret@h:8642/api/v1/attach", "ws://h:8642/api/v1/attach"),
+            ("ws://uav1:12/secret@h:8642/api/v1/attach", "ws://h:8642/api/v1/attach"),
+            ("unix:///run/a@b.sock", "unix:///run/a@b.sock"),
+        ],
+    )
+    def test_what_may_be_a_password_is_not_shown(self, url: str, shown: str) -> None:
+        assert Address(url).shown == shown
 
     @pytest.mark.parametrize(
         "url",
