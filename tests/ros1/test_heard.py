@@ -8,7 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from oracle_ros1 import unheard
 from std_msgs.msg import Bool, Int64, String
 
 from tests.processes import eventually
@@ -183,3 +185,43 @@ def test_a_publisher_that_can_not_be_reached_is_told_though_others_are_heard(tmp
         lost.end()
         adapter.said("/number: recovered")
         adapter.ends_well()
+
+
+HESITANT = """
+import sys
+import rospy
+from rospy.impl.tcpros_pubsub import TCPROSHandler
+from std_msgs.msg import Int64
+
+connect, came = TCPROSHandler.topic_connection_handler, []
+
+def hesitate(handler, connection, address, header):
+    if header["topic"] == "/number" and not came:
+        came.append(header)
+        if sys.argv[1] == "refuses":
+            return "not yet"
+        raise RuntimeError("not now")
+    return connect(handler, connection, address, header)
+
+TCPROSHandler.topic_connection_handler = hesitate
+rospy.init_node("hesitant")
+said = rospy.Publisher("/number", Int64, latch=True, queue_size=1)
+said.publish(101)
+rospy.spin()
+"""
+
+
+@pytest.mark.parametrize("at_first", ["refuses", "hangs up"])
+def test_a_publisher_that_refuses_or_hangs_up_at_first_is_connected_to_again(at_first: str, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        adapter = scene.adapter("watch")
+        scene.run("hesitant", sys.executable, "-c", HESITANT, at_first)
+        adapter.said("/number: /hesitant publishes /number, and nothing of it is heard: ")
+        adapter.said("/number: recovered")
+        [violation] = eventually(lambda: scene.server.records("s", "violations"), len)
+        assert (violation["property"], violation["stream"]) == ("small", "/number")
+        adapter.ends_well()
+
+
+def test_such_a_publisher_is_tried_less_and_less_often() -> None:
+    assert [count for count in range(1, 100) if unheard._is_due(count)] == [5, 10, 20, 40, 80]

@@ -97,6 +97,7 @@ class Graph:
         self._addresses: Dict[str, str] = {}
         self._given: Set[str] = set()  # topics that no other node is to publish
         self._forgotten = Forgotten()
+        self._unheard: Set[str] = set()  # topics of which a publisher is to be connected to again
         self._unconnected: Set[str] = set()  # topics that were registered again, whose publishers may not be known here
         self._servers: Optional[Users] = None
         self._stopping = threading.Event()
@@ -137,6 +138,10 @@ class Graph:
     def publishers(self, topic: str) -> List[str]:
         """The nodes but this one that published a topic when the master was last asked."""
         return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
+
+    def connect_again(self, topic: str) -> None:
+        """Connect to the publishers of a topic that are not connected: rospy tries none again that hung up at first."""
+        self._unheard.add(topic)
 
     def address(self, node: str) -> str:
         """Where the master has a node; empty until it is asked next, for what is still wanted then."""
@@ -214,6 +219,12 @@ class Graph:
         self._known = self._note_monitors(publishers).union(self._known if len(self._known) < MOST_KNOWN else ())
         self.answers += 1
         self._register_again(missing, master)
+        unheard, self._unheard = self._unheard, set()
+        again = [(name, kind) for name, kind in topics.get_subscriptions() if name in unheard]
+        if again and not _is_replaced(master):
+            for name, kind in again:
+                if not self._stopping.is_set():
+                    _connect(master, name, kind, rospy.get_node_uri())
 
     def _note_monitors(self, publishers: Users) -> Set[str]:
         """Take who is a monitor by who publishes what; returns all of these.
@@ -228,8 +239,7 @@ class Graph:
 
     def _subscribe(self, master: Any, name: str, kind: str, uri: str) -> None:
         self._unconnected.add(name)  # the master may know it, and its answer be lost
-        _, _, publishers = master.registerSubscriber(name, kind, uri)
-        ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later
+        _connect(master, name, kind, uri)
         self._unconnected.discard(name)
 
     def _register_again(self, missing: Sequence[Tuple[Register, str, str]], master: Any) -> None:
@@ -245,6 +255,12 @@ class Graph:
             register(name, kind, rospy.get_node_uri())
         if missing:
             rospy.logwarn(f"the master did not know {len(missing)} topics and services of this node: registered again")
+
+
+def _connect(master: Any, name: str, kind: str, uri: str) -> None:
+    """Register a subscriber, and connect it to the publishers of its topic that it has no connection to."""
+    _, _, publishers = master.registerSubscriber(name, kind, uri)
+    ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later
 
 
 def _is_replaced(master: Any) -> bool:

@@ -175,4 +175,4 @@ def deafen(subscriber: rospy.Subscriber) -> None:
 def headers(subscriber: rospy.Subscriber) -> List[Header]:
     """The connection headers of the publishers that are connected."""
     connections = subscriber.impl.connections if subscriber.impl else []
-    return [header for header in (c.header for c in connections or []) if header]
+    return [header for header in (c.header for c in connections or []) if header and "error" not in header]

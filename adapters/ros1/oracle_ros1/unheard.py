@@ -26,6 +26,9 @@ class Unheard:
             self._answers = self._graph.answers
             missing = [found for subscriber in subscribers for found in self._missing(subscriber)]
             self._missed = {found: self._missed.get(found, 0) + 1 for found in missing}
+            for (topic, _), count in self._missed.items():
+                if _is_due(count):
+                    self._graph.connect_again(topic)
         return [self._text(*found) for found, count in self._missed.items() if count >= ANSWERS]
 
     def _missing(self, subscriber: rospy.Subscriber) -> Iterator[Tuple[str, str]]:
@@ -45,3 +48,9 @@ class Unheard:
             f"{node} publishes {topic}, and nothing of it is heard: it can't be reached from here{at}, as where its "
             "ROS_HOSTNAME or ROS_IP is wrong, or it has died"
         )
+
+
+def _is_due(count: int) -> bool:
+    """Whether to try again: less and less often, as rospy goes on with each try at a machine that was switched off."""
+    tries, rest = divmod(count, ANSWERS)
+    return rest == 0 and tries & (tries - 1) == 0
