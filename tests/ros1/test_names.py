@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.processes import ROOT, environment
 from tests.robot import GATE, HELD, spec_folder
 from tests.ros1.actionscene import streams
 from tests.ros1.harness import Scene
@@ -55,3 +57,12 @@ def test_the_node_of_a_monitor_of_digits_has_a_name_that_ros_allows(monitor: str
         assert name in nodes.log.split()
         adapter.ends_well()
         assert "UserWarning" not in adapter.log
+
+
+@pytest.mark.parametrize(("monitor", "name"), [("uav1", "/uav1"), ("fleet/uav1", "/fleet_uav1"), ("7", "/7")])
+def test_a_launched_monitor_may_have_a_namespace_in_its_name(monitor: str, name: str, tmp_path: Path) -> None:
+    command = ["roslaunch", "--nodes", ROOT / "adapters/ros1/launch/oracle.launch", f"monitor:={monitor}"]
+    told = subprocess.run(
+        command, env=environment(ROS_LOG_DIR=str(tmp_path)), capture_output=True, text=True, check=True
+    )
+    assert told.stdout.split() == [name]
