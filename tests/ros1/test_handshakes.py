@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 from xmlrpc.client import ServerProxy
@@ -52,3 +53,14 @@ def test_one_who_says_nothing_is_hung_up(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def assert_over(connection: socket.socket) -> None:
     assert connection.recv(1) == b""
+
+
+def test_an_adapter_tells_that_nobody_can_connect_to_it(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        words = ("--oracle", scene.server.url, "--spec", "switch")
+        command = ("env", "--unset=ROS_IP", "ROS_HOSTNAME=robot.invalid", sys.executable, "-m", "oracle_ros1", *words)
+        adapter = scene.run("adapter", *command)
+        adapter.said(
+            r"other nodes are told to connect to this one at http://robot\.invalid:\d+/, which is not known here"
+        )
+        assert "is not known here" not in scene.adapter("switch").log

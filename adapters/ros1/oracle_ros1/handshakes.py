@@ -1,4 +1,4 @@
-"""Who connects to this node: rospy hears the next one only once the last one has said its header."""
+"""Who connects to this node: by an address that must be known, and each heard by itself."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import socket
 import threading
 from contextlib import suppress
 from typing import Any, Callable
+from urllib.parse import urlsplit
 
+import rospy
 from rospy.impl.tcpros_base import TCPROSServer
 
 SAID_WITHIN = 10.0
@@ -18,8 +20,8 @@ Answer = Callable[[Any, socket.socket, Any], None]
 def hear_each_by_itself() -> None:
     """Have rospy take the next connection at once; to be called before there is a node.
 
-    Else one that says nothing, as of a machine that was switched off or a program that looks for ports, would keep all
-    callers and subscribers waiting that come after it.
+    By itself it does so once the last one has said its header: one that says nothing, as of a machine that was switched
+    off or a program that looks for ports, would keep all callers and subscribers waiting that come after it.
     """
     answer: Answer = TCPROSServer._tcp_server_callback  # noqa: SLF001 - rospy has no other place for it
 
@@ -27,6 +29,22 @@ def hear_each_by_itself() -> None:
         threading.Thread(target=_hear, args=(answer, server, connection, address), daemon=True).start()
 
     TCPROSServer._tcp_server_callback = take  # noqa: SLF001
+
+
+def tell_unknown_address() -> None:
+    """Tell in the log where nobody can connect to this node; in a thread of its own, as a nameserver may be away."""
+    threading.Thread(target=_look_up, args=(rospy.get_node_uri(),), daemon=True).start()
+
+
+def _look_up(address: str) -> None:
+    try:
+        socket.getaddrinfo(urlsplit(address).hostname, None)
+    except (OSError, UnicodeError):
+        rospy.logerr(
+            f"other nodes are told to connect to this one at {address}, which is not known here: unless they know it, "
+            "its services and what it forwards can't be reached, and who publishes later is not heard; "
+            "set ROS_HOSTNAME or ROS_IP"
+        )
 
 
 def _hear(answer: Answer, server: Any, connection: socket.socket, address: Any) -> None:
