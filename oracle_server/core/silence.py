@@ -127,20 +127,34 @@ def _why_at_messages(spec: Spec, prop: Property, reads: Iterable[Definition]) ->
 def _why_awaited(spec: Spec, prop: Property, reads: Iterable[Definition], owed: Obligation) -> str:
     """Why a property that asks for what silence would break does not see it; empty where it does, or is meant not to.
 
-    What waits for what comes is judged at messages, whatever its bounds count.
+    What waits for what comes is asked for, and judged, at messages, whatever its bounds count.
     """
-    if prop.says != "formula" or _is_meant(prop):
+    if _is_meant(prop):
+        return ""
+    unasked = _hurt(spec, Not(owed.trigger), reads) if owed.trigger is not None else set()
+    if unasked:
+        return (
+            f"{_while_silent(unasked)}, and what waits for what comes is asked for at messages; name the stream at "
+            "whose messages it is meant, as in `{topic: /odom} and {idle > 5} -> …`, or ask it of the past, as in "
+            "`{idle > 8} -> once[:3s] {stop}`, with `time: seconds`"
+        )
+    if prop.says != "formula":
         return ""
     broken = set[str]()
     for node in walk(owed.goal):
         kept = node.operand if isinstance(node, Always) else node.left if isinstance(node, Until) else None
         if kept is not None and not looks_ahead(kept):
-            broken |= _broken(spec, kept, reads) | {key for key, _ in _computed(spec, kept)}
+            broken |= _hurt(spec, kept, reads)
     if not broken:
         return ""
     awaits = "what waits for what comes is judged at messages"
     mend = _of_the_past(prop, owed) or "once[:10s] {start} -> {…}"
     return f"{_while_silent(broken)}, and {awaits}; ask it of the past, as in `{mend}`, with `time: seconds`"
+
+
+def _hurt(spec: Spec, formula: Formula, reads: Iterable[Definition]) -> set[str]:
+    """The signals by which silence would break a formula, those that are computed of a rate or count among them."""
+    return _broken(spec, formula, reads) | {key for key, _ in _computed(spec, formula)}
 
 
 def _of_the_past(prop: Property, owed: Obligation) -> str:

@@ -161,6 +161,27 @@ def test_what_waits_for_what_comes_is_judged_at_messages_alone(prop: str, what: 
     assert found.endswith(f"ask it of the past, as in `{mend}`, with `time: seconds`")
 
 
+@pytest.mark.parametrize(
+    ("prop", "what"),
+    [
+        ("formula: '{idle > 5} -> eventually[:3s] {topic: /odom}', time: seconds", "idle"),
+        ("formula: '{mode: AUTO} and not {often >= 5} -> eventually[:3] {topic: /odom}'", "often"),
+        ("formula: '{few} -> eventually[:3s] {topic: /odom}', time: seconds", "few"),
+        ("formula: '{idle > 5} -> next {topic: /odom}'", "idle"),
+        ("pattern: '{idle > 5} causes /odom within 3s'", "idle"),
+        ("pattern: 'after {idle > 5}: some /odom within 3s'", "idle"),
+        ("requirement: 'upon {often < 5} the robot shall within 3 seconds satisfy {topic: /odom}'", "often"),
+    ],
+)
+def test_a_trigger_that_silence_makes_true_asks_at_messages_alone(prop: str, what: str) -> None:
+    (found,) = told(prop)
+    assert f"`{what}` changes while no message comes, and what waits for what comes is asked for at messages" in found
+    assert found.endswith(
+        "name the stream at whose messages it is meant, as in `{topic: /odom} and {idle > 5} -> …`, or ask it of the "
+        "past, as in `{idle > 8} -> once[:3s] {stop}`, with `time: seconds`"
+    )
+
+
 @pytest.mark.parametrize("time", ["", ", time: seconds"])
 @pytest.mark.parametrize(
     "prop",
@@ -192,6 +213,10 @@ def test_a_requirement_that_is_about_messages_is_told_to_be_written_otherwise(pr
         "formula: '{topic: /odom} -> always[:5] {idle < 1}', guards: [/odom]",
         "formula: '{topic: /odom} -> always[:5] ({topic: /odom} -> {idle < 1})'",
         "formula: '{topic: /odom} -> always[:5] not {idle < 0.1}'",
+        "formula: '{topic: /odom} and {idle > 5} -> eventually[:3s] {topic: /scan}', time: seconds",
+        "formula: '{idle < 5} -> eventually[:3s] {topic: /scan}', time: seconds",
+        "formula: '{idle > 5} -> eventually[:3] {topic: /odom}', time: steps",
+        "pattern: '/odom causes /scan within 3s'",
         "requirement: 'upon {mode: AUTO} the robot shall within 10 s satisfy {idle <= 1}'",
         "formula: 'not {per_minute > 3000}'",
         "formula: '{per_minute > 3000} -> {mode: FAST}', time: seconds",
@@ -225,6 +250,8 @@ def test_nothing_is_said_of_what_is_meant_of_messages(prop: str) -> None:
         ("formula: '{topic: /scan} -> always[:80s] {idle <= 1}', time: seconds", False),
         ('formula: "once[:80s] {topic: /scan} -> {idle <= 1}", time: seconds', True),
         ("requirement: 'upon {topic: /scan} the robot shall for 80 s satisfy {idle <= 1}'", False),
+        ("formula: '{idle > 5} -> eventually[:3s] {topic: /odom}', time: seconds", False),
+        ("formula: '{idle > 8} -> once[:3s] {topic: /odom}', time: seconds", True),
     ],
 )
 def test_what_is_said_is_so(prop: str, *, violated: bool) -> None:
