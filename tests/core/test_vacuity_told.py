@@ -239,6 +239,26 @@ def test_a_guard_of_what_its_stream_never_breaks_denies_none(asked: str, *, is_i
     assert any(text.startswith("property 'p': it guards /cmd_vel, and holds at every") for text in told) is is_idle
 
 
+def test_a_guard_of_an_action_denies_none_of_what_is_not_asked_of_it() -> None:
+    text = """\
+id: x
+streams:
+  - {ros_action: /dock, action: filter, goal: {signals: {x: msg.x}}, feedback: {signals: {left: msg.left}}}
+properties:
+  - {id: p, formula: '{kind: feedback} -> {left < 5}', guards: [/dock], blame: any}
+"""
+    (found,) = parse_spec(text, "x.yaml").warnings
+    assert found.message.startswith("property 'p': it guards /dock, and holds at every event of it")
+    assert parse_spec(text.replace("action: filter", "action: filter, ask: [goal, feedback]"), "x.yaml").warnings == ()
+
+
+def test_what_never_can_come_is_not_told_to_be_the_answer() -> None:
+    (found,) = warnings("always[:3] false")
+    assert found.message == (
+        "formula of 'p0': it fails at every event, whatever the messages say; write what must hold"
+    )
+
+
 def test_the_mend_mends() -> None:
     assert warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
     text = STREAMS.replace("id: string(msg.id)}", "id: string(msg.id)}\n    hold: [stopped]")
