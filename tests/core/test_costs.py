@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
+from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER
 from oracle_server.core.errors import EngineError
+from oracle_server.core.events import Order
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome
@@ -158,6 +160,48 @@ def test_deadlines_of_many_properties_cost_no_more_together_than_they_may() -> N
     assert all(state.idle_work < MAX_WORK for state in states), "each by itself costs less"
     assert sum(state.idle_work for state in states) <= MAX_WORK
     assert any("deadlines cost too much" in (state.broken or "") for state in states)
+
+
+class Dear(Recorder):
+    """An engine whose every step and tick costs 15,000, with a deadline 5 s after each step."""
+
+    work, may = 15_000, MAX_WORK
+
+    def allow(self, work: int) -> None:
+        self.may = work
+
+    def step(self, time: int, matches: Matches) -> Outcome:
+        if self.work > self.may:
+            raise EngineError("too much")
+        return super().step(time, matches)
+
+    def mark(self) -> None: ...
+    def back(self) -> None: ...
+    def keep(self) -> None: ...
+    def next_deadline(self, after: int) -> int | None:
+        return after // (10 * SECOND) * 10 * SECOND + 5 * SECOND if after % (10 * SECOND) == 0 else None
+
+
+def test_what_deadlines_cost_is_forgotten_with_the_next_step() -> None:
+    """Else a session would come to its end by what all of its deadlines cost, however few there are at once."""
+    engine = Dear([Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE] * 10)
+    session = open_session(
+        [prop("p", "{v: 1}", time="seconds")], attach={"m": [A, B]}, maker=lambda _: engine, by="arrival"
+    )
+    feed = Feed(session)
+    judged = [j for n in range(1, 11) for j in feed(A, n * 10 * SECOND) + session.advance(n * 10 * SECOND + 6 * SECOND)]
+    assert outcomes(judged) == ["currently_true", "currently_false"] * 10
+    assert 10 * Dear.work > MAX_WORK
+
+
+@pytest.mark.parametrize(("by", "judged"), [("publication", 5), ("both", 2)])
+def test_of_two_orders_each_has_half_of_what_a_step_may_cost(by: Order | Literal["both"], judged: int) -> None:
+    properties = [prop(f"p{i}", "{v: 1}") for i in range(8)]
+    session = open_session(properties, attach={"m": [A, B]}, maker=lambda _: Dear(), by=by)
+    Feed(session)(A, 1000)
+    session.finish(2000)
+    for judge in session.judges.values():
+        assert [state.broken is None for state in judge.properties] == [True] * judged + [False] * (8 - judged)
 
 
 def test_of_a_thousand_violations_at_once_some_are_explained_and_all_are_told() -> None:
