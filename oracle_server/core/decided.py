@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import And, Atom, Exists, Forall, Formula, Implies, Position, walk
+from oracle_server.core.formula.tree import And, Atom, Exists, Forall, Formula, Implies, Position, atoms, walk
 from oracle_server.core.instants import Instants
-from oracle_server.core.misfits import Doubt
+from oracle_server.core.misfits import Doubt, begun_anew
 from oracle_server.core.places import Place
 
 
@@ -33,9 +33,11 @@ def followed(instant: Formula, blamed: Atom, known: Instants, places: Sequence[P
             continue
         sides = list(zip(known.row(node.left), known.row(node.right), strict=True))
         if all(left is False or right is True for left, right in sides) and any(left is not False for left, _ in sides):
+            asked = [place for place, (left, _) in zip(places, sides, strict=True) if left is not False]
             message = (
                 f"`{render(node.right, time)}` holds wherever `{render(node.left, time)}` does, so that the "
                 "implication is always true"
+                f"{begun_anew((c.key for atom in atoms(node.right) for c in atom.constraints), asked)}"
             )
             return Doubt("true", node, message, _first(node), tuple(p.name for p in places))
     return None

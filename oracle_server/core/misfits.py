@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from oracle_server.core.comparisons import contradictory
+from oracle_server.core.derived.ranges import JUST_NOW
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import (
     Any,
@@ -107,7 +108,10 @@ def _never(atom: Atom, could: Sequence[Place]) -> str:
         listed = f"{', '.join(shown[:-1])} and {shown[-1]}"
         return f"{listed} are never met together: `{key}` of {names_of(could)} is always {described(found)}"
     text = constraint_text(culprit)
-    return f"`{text}` is never met: `{key}` of {names_of(could)} is always {described(found)}{_mend(culprit, found)}"
+    known = (
+        f"`{key}` of {names_of(could)} is always {described(found)}{_mend(culprit, found)}{begun_anew([key], could)}"
+    )
+    return f"`{text}` is never met: {known}"
 
 
 def _is_not_finite(constraint: Constraint, found: Range) -> bool:
@@ -125,7 +129,19 @@ def _always(constraint: Constraint, could: Sequence[Place]) -> str:
     if _is_not_finite(constraint, found):
         return f"`{text}` is met by every value: {_FINITE}"
     known = f"`{constraint.key}` of {names_of(could)} is always {described(found)}{_mend(constraint, found)}"
+    known += begun_anew([constraint.key], could)
     return f"`{text}` is met by every value: {known}"
+
+
+def begun_anew(keys: Iterable[str], could: Sequence[Place]) -> str:
+    """What is said of an age that is asked for at the very events from which it counts; mostly empty."""
+    for key in keys:
+        if all(p.now(key) is JUST_NOW for p in could):
+            return (
+                f"; `{key}` begins anew with these events, and is 0 at each of them: to say how long they may stay "
+                f"away, ask for it alone, as `{{{key} <= 0.5}}` with `time: seconds`"
+            )
+    return ""
 
 
 def range_at(key: str, could: Sequence[Place]) -> Range:
@@ -144,7 +160,8 @@ def described(found: Range) -> str:
     if found.whole is not None:
         least, most = found.whole
         short = least >= -(2**31) and most < 2**32
-        ends = f" from {least} to {most}" if short else "" if least < 0 else " that is not negative"
+        open_ = "" if least < 0 else f" from {least} on" if least else " that is not negative"
+        ends = f" from {least} to {most}" if short else open_
         parts.append(f"a whole number{ends}")
     return " or ".join(parts) or "absent"
 
@@ -155,7 +172,7 @@ def _mend(constraint: Constraint, found: Range) -> str:
     if isinstance(wanted, Any | Ref | Signal | Limit):
         return ""
     key, op = constraint.key, ":" if constraint.op == "==" else f" {constraint.op}"
-    numbers = found.whole is not None or "number" in found.kinds
+    numbers = found.has_numbers
     if constraint.op not in ("==", "!="):
         return "" if numbers else "; texts and Booleans are neither smaller nor larger than a number"
     near = _near(wanted, found)

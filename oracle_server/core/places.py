@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import or_
 
 from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import contradictory, turned
+from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.lacking import lacking
-from oracle_server.core.derived.ranges import derived_ranges
+from oracle_server.core.derived.ranges import derived_ranges, ranges_now
 from oracle_server.core.expression import is_always_there
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
@@ -18,6 +21,7 @@ from oracle_server.core.ranges import ANYTHING, NUMBER, TEXT, Range, range_of, r
 from oracle_server.core.shapes import Record, Value
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes, TypedMessage
+from oracle_server.core.withholding import present
 
 _LISTED = 3
 """Places that a message names."""
@@ -28,12 +32,13 @@ _NOTHING = Record("", {})
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The events of a stream, None for ticks: what signals they can have.
+    """The events of a stream, None for ticks, of which one carries a key: what signals they can have.
 
     `constants` are those that every event has with the same value, `always` those that it has with some value, unless
     they failed; `own` has the values that the stream's other signals can have, and `held`, which all places share,
     those of signals that keep their values and of derived ones, but for those that are always absent here, which `lack`
-    other signals; `open`: a signal of any name may be there.
+    other signals; `counted` are the ages and counts, each with its values where its own formula holds; `open`: a signal
+    of any name may be there.
     """
 
     stream: StreamSpec | None
@@ -43,6 +48,8 @@ class Place:
     held: Mapping[str, Range]
     open: bool
     lack: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    counted: Mapping[str, tuple[Definition, Range]] = field(default_factory=dict)
+    _now: dict[str, Range | None] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -52,7 +59,7 @@ class Place:
     def has(self, key: str) -> bool:
         """Whether an event can have a signal."""
         if self._reserves(key):
-            return self.stream is not None and has_reserved(self.stream, key)
+            return key in self.own if self.stream is None else has_reserved(self.stream, key)
         if key in self.own or (self.open and not (self.stream and key in not_signals(self.stream))):
             return True
         return key in self.held and key not in self.lack
@@ -88,7 +95,19 @@ class Place:
         """The values that a signal can have."""
         if key in self.constants:
             return Range(values=(self.constants[key],))
-        return _RESERVED.get(key) or self.own.get(key) or self.held.get(key) or ANYTHING
+        return _RESERVED.get(key) or self.own.get(key) or self.now(key) or self.held.get(key) or ANYTHING
+
+    def now(self, key: str) -> Range | None:
+        """The values of an age or count where its own formula holds at every event here; None elsewhere."""
+        if key in self.counted and key not in self._now:
+            definition, values = self.counted[key]
+            holds = definition.formula is not None and present(definition.formula, self.value) is True
+            self._now[key] = values if holds else None
+        return self._now.get(key)
+
+    def is_there(self, key: str) -> bool:
+        """Whether every event has a signal, unless it failed."""
+        return key in self.always or (self.now(key) is not None and self.always.issuperset(self.counted[key][0].by))
 
     def value(self, atom: Atom) -> bool | None:
         """Whether an atom holds at every event (true), at none (false), or that is not known."""
@@ -101,16 +120,16 @@ class Place:
         key, wanted = constraint.key, constraint.value
         if isinstance(wanted, Ref | Signal | Limit):
             return False
-        if key in self.constants or (key in self.always and wanted is Any.ANY):
+        if key in self.constants or (wanted is Any.ANY and self.is_there(key)):
             return True
-        return key in self.always and self.range(key).always_meets(constraint)
+        return self.is_there(key) and self.range(key).always_meets(constraint)
 
     def looks(self, keys: Sequence[str]) -> tuple[object, ...]:
         """All that decides what is known here of an atom with these keys: equal for places that are alike to it."""
         return tuple(
             (self.constants.get(key), self.has(key))
             if self._reserves(key)
-            else self.has(key) and (id(self.range(key)), key in self.always)
+            else self.has(key) and (id(self.range(key)), self.is_there(key))
             for key in keys
         )
 
@@ -139,8 +158,14 @@ def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Pla
         there = always | {"monitor"} | marks.keys()
         found.append(Place(stream, constants(stream), there, either | marks, held, open=not known))
     if time == "seconds":
-        found.append(Place(None, {}, frozenset(), {}, held, open=False))
+        carried = {by: ranges.same(_anywhere(by, found)) for d in spec.derive for by in d.by}
+        found.append(Place(None, {}, frozenset(), carried, held, open=False))
     return _with_lacks(spec, found) if spec.derive else found
+
+
+def _anywhere(key: str, found: Sequence[Place]) -> Range:
+    """The values of a signal at the events that can have it."""
+    return reduce(or_, (place.range(key) for place in found if place.has(key)), Range())
 
 
 def _all(
@@ -164,12 +189,12 @@ def _with_lacks(spec: Spec, found: Sequence[Place]) -> list[Place]:
     needed = frozenset(name for definition in spec.derive for name in definition.needed)
     keys = frozenset(by for definition in spec.derive for by in definition.by)
     lacks: dict[frozenset[str], Mapping[str, tuple[str, ...]]] = {}
-    made = []
+    made, counted = [], ranges_now(spec)
     for place in found:
         there = place.among(needed) | (keys if place.stream is None else frozenset())
         if there not in lacks:
             lacks[there] = lacking(spec.derive, there.__contains__)
-        made.append(replace(place, lack=lacks[there]))
+        made.append(replace(place, lack=lacks[there], counted={} if place.stream is None else counted))
     return made
 
 

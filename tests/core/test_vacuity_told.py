@@ -259,6 +259,57 @@ def test_what_never_can_come_is_not_told_to_be_the_answer() -> None:
     )
 
 
+ANEW = (
+    "; `idle` begins anew with these events, and is 0 at each of them: to say how long they may stay away, ask for it "
+    "alone, as `{idle <= 0.5}` with `time: seconds`"
+)
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        (
+            "{topic: /cmd_vel} -> {idle < 0.5}",
+            '`{idle < 0.5}` holds wherever `{topic: "/cmd_vel"}` does, so that the implication is always true' + ANEW,
+        ),
+        (
+            "not {topic: /cmd_vel, idle > 0.5}",
+            "`idle > 0.5` is never met: `idle` of /cmd_vel is always 0" + ANEW,
+        ),
+        (
+            "{topic: /cmd_vel, idle >= 0} and {cmd: *} -> once[:3] {stopped}",
+            "`idle >= 0` is met by every value: `idle` of /cmd_vel is always 0" + ANEW,
+        ),
+        (
+            "not {topic: /cmd_vel, often < 1}",
+            "`often < 1` is never met: `often` of /cmd_vel is always a whole number from 1 on",
+        ),
+        ("not {topic: /cmd_vel, of_five > 5}", "`of_five` of /cmd_vel is always a whole number from 1 to 5"),
+        ("not {id: *, by_id > 0.5}", "`by_id > 0.5` is never met: `by_id` of /estop is always 0"),
+        ("{topic: /estop} -> {idle < 0.5}", ""),
+        ("{topic: /cmd_vel} -> {fast_idle < 0.5}", ""),
+        ("not {topic: /cmd_vel, often > 5}", ""),
+        ("{idle < 0.5}", ""),
+        ("not {id: a, by_id > 0.5}", ""),  # a deadline has its key
+        ("not {monitor: uav1, by_monitor > 0.5}", ""),
+    ],
+)
+def test_an_age_that_is_asked_at_the_very_event_from_which_it_counts(formula: str, message: str) -> None:
+    derived = """\
+derive:
+  idle: {age: '{topic: /cmd_vel}'}
+  fast_idle: {age: '{topic: /cmd_vel, cmd > 1}'}
+  often: {count: '{topic: /cmd_vel}', over: 2s}
+  of_five: {count: '{topic: /cmd_vel}', over: 5}
+  by_id: {age: '{topic: /estop}', by: id, forget: 1h}
+  by_monitor: {age: '{topic: /estop}', by: monitor, forget: 1h}
+"""
+    time = "steps" if formula.startswith("not {id: *") else "seconds"
+    row = f"  - {{id: p, formula: '{formula}', time: {time}}}\n"
+    told = [w.message for w in parse_spec(STREAMS.replace("properties:", f"{derived}properties:") + row, "x").warnings]
+    assert [message in each for each in told] == ([True] if message else [])
+
+
 def test_the_mend_mends() -> None:
     assert warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
     text = STREAMS.replace("id: string(msg.id)}", "id: string(msg.id)}\n    hold: [stopped]")

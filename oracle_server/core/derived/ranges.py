@@ -12,6 +12,8 @@ from oracle_server.core.ranges import ANYTHING, BOOLEAN, NUMBER, POSITIVE, TEXT,
 from oracle_server.core.spec import Spec
 
 _MANY = 2**63
+JUST_NOW = Range(values=(0,))
+"""What an age is at a step at which its own formula holds."""
 _KINDS = {"real": NUMBER, "whole": NUMBER, "text": TEXT, "bool": BOOLEAN}
 
 
@@ -30,6 +32,12 @@ def derived_ranges(spec: Spec, signals: Mapping[str, Range] | None = None) -> di
     return found
 
 
+def ranges_now(spec: Spec) -> dict[str, tuple[Definition, Range]]:
+    """The ages and counts of a spec, each with its values where its own formula holds."""
+    counts = {d.name: (d, Range(whole=(1, _most(d)))) for d in spec.derive if d.op == "count"}
+    return counts | {d.name: (d, JUST_NOW) for d in spec.derive if d.op == "age"}
+
+
 def _range(definition: Definition, known: Mapping[str, Range]) -> Range:
     if definition.op == "expression":
         return _computed(definition, known)
@@ -40,9 +48,13 @@ def _range(definition: Definition, known: Mapping[str, Range]) -> Range:
     if definition.op in ("min", "max"):
         return known.get(definition.of, ANYTHING).numbers
     if definition.op == "count":
-        most = definition.over if definition.counted and definition.over is not None else _MANY
-        return Range(whole=(0, most))
+        return Range(whole=(0, _most(definition)))
     return POSITIVE if definition.op in ("rate", "age") else NUMBER
+
+
+def _most(definition: Definition) -> int:
+    """The most that a count can be."""
+    return definition.over if definition.counted and definition.over is not None else _MANY
 
 
 def _computed(definition: Definition, known: Mapping[str, Range]) -> Range:

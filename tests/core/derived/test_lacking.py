@@ -29,6 +29,23 @@ def test_no_event_has_what_its_stream_lacks(seed: int, make: Callable[..., Case]
         assert "false" not in row[2]
 
 
+def test_what_counts_from_an_event_begins_with_it() -> None:
+    looked = 0
+    for seed in range(150):
+        found = case(random.Random(seed), "steps")
+        texts = [
+            f'{{topic: "{place.name}", {name}: *}} -> {{{name} {">= 1" if values.whole else "== 0"}}}'
+            for place in places(found.spec, "steps")
+            for name in place.counted
+            if (values := place.now(name)) is not None
+        ]
+        asked = tuple(Property(f"p{i}", parse_formula(text), text) for i, text in enumerate(texts))
+        for row in rows_of(judged(replace(found, spec=replace(found.spec, properties=asked)))) if asked else ():
+            looked += 1
+            assert "false" not in row[2], (seed, texts)
+    assert looked > 100
+
+
 @pytest.mark.parametrize(
     ("definitions", "has", "lacks"),
     [
