@@ -291,3 +291,42 @@ def test_long_texts_are_keys_that_are_told_apart_and_not_kept() -> None:
     assert one(21, {"k": f"{long}7"}) == 7
     assert one(22, {"k": long}) is None
     assert len(one.saved()) < len(long)
+
+
+@pytest.mark.parametrize(
+    ("derived", "asked"),
+    [
+        ("{count: '{topic: /x}', over: 100s, by: k}", "{d: 1}"),
+        ("{sum: x, over: 100s, by: k}", "{d: 1}"),
+        ("{age: '{topic: /x}', by: k}", "{d < 50}"),
+        ("{last: x, by: k}", "{d: 1}"),
+        ("{start: off, by: k, states: {off: {come: on}, on: {come: on}}}", "{d: on}"),
+        ("{start: off, by: [k, l], states: {off: {come: on}, on: {come: on}}}", "{d: on}"),
+    ],
+)
+def test_a_deadline_at_which_the_key_has_failed_tells_nothing(derived: str, asked: str) -> None:
+    text = f"""
+id: t
+ordering: {{by: arrival}}
+streams:
+  - {{topic: /k, signals: {{k: msg.k}}, hold: [k]}}
+  - {{topic: /l, signals: {{l: msg.l}}, hold: [l]}}
+  - {{topic: /x, signals: {{x: msg.x}}}}
+define: {{come: '{{topic: /x}}'}}
+derive: {{d: {derived}}}
+properties: [{{id: p, formula: '{asked} or once[:2s] {{topic: /x}}', time: seconds}}]
+"""
+    ready = plan(parse_spec(text, "t").spec)
+    lasts: tuple[dict[str, Any], ...] = ({"k": "u"}, {"k": {}})
+    for last in lasts:
+        session = Session(ready, make_engines(ready), begun=0)
+        session.attach("m", ready.spec.by_key, 0)
+        rows: list[Judged] = []
+        told: list[dict[str, Any]] = [{"l": "v"}, {"k": "u"}, {"x": 1}, last]
+        for n, data in enumerate(told, 1):
+            stream = StreamKey(f"/{next(iter(data))}", "topic")
+            rows += session.ingest(Event(stream, "m", n, n * SECOND, n * SECOND, data))
+        rows += session.advance(60 * SECOND)
+        held = ["currently_true"] if last == {"k": "u"} else ["unknown"]
+        assert [row.verdicts[0].outcome.value for row in rows[2:4]] == ["currently_true", *held]
+        assert [row for row in rows[4:] if row.step.stamp < 50 * SECOND] == []
