@@ -74,14 +74,13 @@ class Watch:
         return plain, sorted(keys, key=_text)
 
     def _look_at(self, time: int) -> bool:
-        before = len(self.turned)
         turned: set[int] = set()
         for place, (watched, series) in enumerate(self._plain):
             found = self._answers_of(watched, series, time, {})
             turned |= self._turns(watched, self._answers[place], found)
             self._answers[place] = found
         self.turned |= turned
-        return bool(turned) or len(self.turned) > before
+        return bool(turned)
 
     def _look_at_keys(self, time: int) -> list[Carried]:
         found: list[Carried] = []
