@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, NoReturn
+from typing import Any
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.samples import FAILED, Value
@@ -63,7 +63,7 @@ class Arithmetic:
 
 
 class _Lacking(dict[str, Any]):
-    """Signals of which some have failed: whoever reads one of these fails."""
+    """Signals of which some have failed: whoever reads one of these, or asks whether it is there, fails."""
 
     def __init__(self, signals: Signals, failed: Collection[str]) -> None:
         super().__init__(signals)
@@ -74,16 +74,13 @@ class _Lacking(dict[str, Any]):
         return super().__getitem__(name)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._failed or super().__contains__(name)
+        self._demand(name)
+        return super().__contains__(name)
 
     def get(self, name: str, default: Any = None) -> Any:
         self._demand(name)
         return super().get(name, default)
 
-    def _demand(self, name: str) -> None:
+    def _demand(self, name: object) -> None:
         if name in self._failed:
-            _fail(name)
-
-
-def _fail(name: str) -> NoReturn:
-    raise Failed(f"{name} has failed")
+            raise Failed(f"{name} has failed")

@@ -275,6 +275,16 @@ def test_what_has_no_room_is_the_properties_complaint(monkeypatch: pytest.Monkey
     assert states["slow"].complaint is None
 
 
+def test_whether_a_signal_is_there_is_not_known_where_it_has_failed() -> None:
+    one, none = One("'has(k) ? x : 0 - x'"), frozenset[str]()
+    assert [one(0, {"x": 1, "k": "u"}), one(0, {"x": 1}), one(0, {"k": "u"})] == [1, -1, None]
+    assert [one(0, {"x": 1}, frozenset({"k"})), one(0, {"k": "u"}, frozenset({"x"}))] == ["failed", "failed"]
+    two = One("has(k) || x > 1")
+    assert [two(0, {"x": x}, failed) for x in (1, 2) for failed in (none, frozenset({"k"}))] == [
+        False, "failed", True, True,
+    ]  # fmt: skip
+
+
 def test_long_texts_are_no_samples_where_many_are_kept() -> None:
     keyed_one, one = One("{last: x, by: k}"), One("{last: x}")
     long = "x" * 5_000
