@@ -176,6 +176,30 @@ def test_a_heartbeat_of_one_topic_is_nothing_to_warn_of() -> None:
 
 
 @pytest.mark.parametrize(
+    ("of", "says"),
+    [
+        ("{delta: mode}", "it always fails: `delta` takes numbers, and `mode` is always a text"),
+        ("{mean: on, over: 3s}", "it always fails: `mean` takes numbers, and `on` is always true or false"),
+        ("{sum: mode, over: 10, by: user}", "it always fails: `sum` takes numbers, and `mode` is always a text"),
+        ("n - mode", "`mode` is text, and `-` takes numbers; write `double(mode)` where the text is a number"),
+        ("mode > 3", "`mode` is text and `3`, and `>` takes two numbers or two texts"),
+        ("n * on", "`on` is Boolean, and `*` takes numbers; write `(on ? 1 : 0)`"),
+        ("{delta: n}", ""),
+        ("{last: mode}", ""),
+        ("{max: amount, over: 3s}", ""),
+        ("{sum: speed, over: 3s, by: mode}", ""),
+        ("'on ? n % 2 : n / 2.0'", ""),
+        ("speed - mode", ""),  # nothing is known of one of them
+        ("'mode == \"AUTO\" && on'", ""),
+    ],
+)
+def test_what_is_computed_of_what_is_no_number_fails(of: str, says: str) -> None:
+    found = [each for each in derived(of) if "fails" in each or "takes" in each]
+    assert found == ([each for each in found if says in each] if says else [])
+    assert bool(found) is bool(says)
+
+
+@pytest.mark.parametrize(
     ("of", "formula", "says"),
     [
         (

@@ -6,18 +6,22 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import ceil
 
 from oracle_server.core.atoms import canonical
-from oracle_server.core.derived.definition import Definition
+from oracle_server.core.derived.definition import OPS, Definition
 from oracle_server.core.derived.machinery import KeyPath, placed
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.expression import check_shape
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Constraint, Formula, Position, Scalar, atoms
 from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.misfits import described, misfits, range_at
 from oracle_server.core.namesakes import named, namesake
 from oracle_server.core.places import Place, places
+from oracle_server.core.ranges import Range
+from oracle_server.core.shapes import Record, Value
 from oracle_server.core.signals import is_signal
 from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.typed import StreamTypes
@@ -41,6 +45,8 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
                 yield _warning(definition, at, message, start or place)
         for message in _unsampled(definition, where, derived):
             yield _warning(definition, path, message, None)
+        for message in _always_failing(definition, where):
+            yield replace(_warning(definition, path, message, None), kind="unjudged")
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
     yield from _less_than_one(spec)
@@ -81,6 +87,36 @@ def _unsampled(definition: Definition, where: Sequence[Place], derived: frozense
         made = "makes a machine: none" if len(definition.by) > 1 else "counts: none"
         has = f"has {'all of ' if len(definition.by) > 1 else ''}{quoted(definition.by)}"
         yield f"{what} {made} {has}; {_apart(lacking, where)}"
+
+
+def _always_failing(definition: Definition, where: Sequence[Place]) -> Iterator[str]:
+    """Why a signal fails wherever it is computed: what it is computed of is no number, or does not go together."""
+    if definition.formulas:
+        return
+    known = {name: range_at(name, [p for p in where if p.has(name)]) for name in definition.operands}
+    if definition.op == "expression":
+        shapes = {name: shape for name, found in known.items() if (shape := _shape(found)) is not None}
+        if len(shapes) == len(known):
+            problems = check_shape(definition.expression, Record("", shapes))
+            yield from (each.message for each in problems if each.severity == "error")
+    elif OPS[definition.op].numbers:
+        (found,) = known.values()
+        if found != Range() and not found.has_numbers:
+            takes = f"it always fails: `{definition.op}` takes numbers"
+            yield f"{takes}, and `{definition.of}` is always {described(found)}"
+
+
+def _shape(found: Range) -> Value | None:
+    """What is known of a signal with these values, where they are of one kind."""
+    if found.is_number and found.has_numbers:
+        return (
+            Value("real", "number") if found.whole is None or found.kinds or found.values else Value("whole", "int64")
+        )
+    if found.kinds == {"text"} and found.whole is None and all(isinstance(value, str) for value in found.values):
+        return Value("text", "text")
+    if found.kinds == {"boolean"} and found.whole is None and not found.values:
+        return Value("bool", "Boolean")
+    return None
 
 
 def _may_sample(definition: Definition, place: Place, derived: frozenset[str]) -> bool:
