@@ -64,7 +64,8 @@ class Reading(ReadingOwed):
     def _step(self, row: Judged) -> None:
         step, event = row.step, row.step.event
         stream, time = self.spec.by_key[event.stream], self._time(row)
-        self.settle(time - 1)
+        if not step.skipped:  # one that is may come behind an attempt alone, so that deadlines before it wait yet
+            self.settle(time - 1)
         self.degraded = self.degraded or event.lost > 0 or step.forced
         if step.skipped:
             self._skipped(row, stream)
