@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from oracle_server.core.comparisons import contradictory
@@ -156,7 +156,9 @@ def described(found: Range) -> str:
     """The values in words, as in "it is always …"."""
     number = "a number that is not negative" if found.positive else "a number"
     words = {"text": "a text", "number": number, "boolean": "true or false"}
-    parts = [*(_literal(v) for v in found.values[:8]), *(words[kind] for kind in sorted(found.kinds))]
+    besides = replace(found, values=())
+    values = [v for v in found.values if not besides.meets([Constraint("", "==", v)])]
+    parts = [*(_literal(v) for v in values[:8]), *(words[kind] for kind in sorted(found.kinds))]
     if found.whole is not None:
         least, most = found.whole
         short = least >= -(2**31) and most < 2**32
