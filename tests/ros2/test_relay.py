@@ -17,6 +17,10 @@ srv = pytest.importorskip("std_srvs.srv")
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
 
 
+def nothing(*_: Any) -> None:
+    """Do nothing."""
+
+
 @pytest.fixture
 def peer(tmp_path: Any) -> Iterator[Peer]:
     with Scene(tmp_path) as scene:
@@ -145,4 +149,40 @@ def test_responses_that_can_not_be_read_are_told_as_one_trouble_and_counted_with
     assert lost == [2, 0]
     clock[0] += 10
     assert list(made.look()) == []
+    made.destroy()
+
+
+def test_calls_that_may_go_at_once_are_as_many_as_a_service_keeps_until_it_answers(tmp_path: Any) -> None:
+    with Scene(tmp_path) as scene:
+        caller, other = scene.peer("caller"), scene.peer("other")
+        other.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+        answers: list[Any] = []
+        made = relay.Relay(caller.node, srv.Trigger, "/led", "/led_mon", nothing, lambda call, _: answers.append(call))
+        caller.until(lambda: made.is_there, "nobody serves /led")
+        for _ in range(40):
+            made._serve(srv.Trigger.Request(), lambda response: None)
+        calls = made.open
+        assert all(made.forward(call) for call in calls)
+
+        def all_answered() -> bool:
+            caller._executor.spin_once(timeout_sec=0)
+            return len(answers) == 40
+
+        other.until(all_answered, "calls are lost")
+        assert answers == calls
+        made.destroy()
+
+
+def test_a_service_that_takes_long_gets_more_calls_though_it_answers_none(peer: Peer) -> None:
+    peer.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+    made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", nothing, nothing)
+    peer.until(lambda: made.is_there, "nobody serves /led")
+    for _ in range(20):
+        made._serve(srv.Trigger.Request(), lambda response: None)
+        made.forward(made.open[-1])
+    gone = []
+    for _ in range(3):
+        gone.append(sum(call.forwarded for call in made.open))
+        made.catch_up()
+    assert gone == [8, 16, 20]
     made.destroy()

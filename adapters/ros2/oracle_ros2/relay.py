@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
+AT_ONCE = 8  # calls that a service has to read at a time: its queue keeps ten, and drops the oldest of more
 UNDERWAY = 0.2  # seconds that an answer may take to its client
 UNREAD = 10.0  # seconds for which it is told that a request, or a response, can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
@@ -85,7 +86,8 @@ class Relay:
         self._calls = call_numbers()
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, Call] = {}  # without an answer
-        self._early: deque[Call] = deque()  # that wait for the service to be discovered
+        self._waiting: deque[Call] = deque()  # for the service to be discovered, or to have read those before
+        self._unread = 0  # calls that have gone to the service since the last `catch_up`, and that it has not answered
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
         self._requests, self._responses = Unread(), Unread()
@@ -120,11 +122,8 @@ class Relay:
             if call.number not in self._open:
                 return False
             call.allowed = time.monotonic()
-            ready = self._client.service_is_ready()
-            if not ready:
-                self._early.append(call)
-        if ready:
-            self._forward(call)
+            self._waiting.append(call)
+        self._go_on()
         return True
 
     def reply(self, call: Call, response: Any) -> bool:
@@ -151,8 +150,9 @@ class Relay:
         now = time.monotonic()
         if self._client.service_is_ready():
             self._away, self._patience = None, DISCOVERY
-            while self._early:
-                self._forward(self._early.popleft())
+            with self._lock:
+                self._unread = 0
+            self._go_on()
             return self._left_alone(now)
         self._away = since = self._away or now
         # those that came while it was away have their time too
@@ -177,6 +177,18 @@ class Relay:
             self._open[call.number] = call
         self._on_request(call)
 
+    def _go_on(self) -> None:
+        """Call the service for those that wait, as long as it is there and has few to read."""
+        while (call := self._next()) is not None:
+            self._forward(call)
+
+    def _next(self) -> Call | None:
+        with self._lock:
+            if not self._waiting or self._unread >= AT_ONCE or not self._client.service_is_ready():
+                return None
+            self._unread += 1
+            return self._waiting.popleft()
+
     def _forward(self, call: Call) -> None:
         with self._lock:
             if call.number not in self._open:
@@ -186,7 +198,10 @@ class Relay:
 
         def take(done: Any) -> None:
             call.answered, call.lost = True, self._responses.take()
+            with self._lock:
+                self._unread = max(0, self._unread - 1)
             self._on_response(call, done.result())
+            self._go_on()
 
         answered.add_done_callback(take)
 

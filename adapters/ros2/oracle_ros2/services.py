@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 
 class ProxiedService:
-    """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
+    """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers.
+
+    Of many that may go at once, as after an outage of the oracle, the service gets as many at a time as it keeps.
+    """
 
     received = 0
     """Calls do not show whether the middleware delivers: they are too rare."""
