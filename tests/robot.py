@@ -26,6 +26,12 @@ properties:
     formula: 'not {topic: "/number", seven}'
     guards: [/number]
 """
+DIAGNOSED = (
+    GATE.replace("/number", "/diagnostics")
+    .replace("std_msgs/Int64", "diagnostic_msgs/DiagnosticArray")
+    .replace("msg.data % 7 == 0", "msg.header.frame_id == 'uav'")
+)
+"""What adapters say themselves is filtered."""
 GATE_AND_LOG = GATE.replace("properties:", "  - {topic: /logged, type: std_msgs/Int64}\nproperties:")
 JOINTS = """
 id: joints

@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, Int64, String
 
 from tests.processes import SERVER, environment, eventually
-from tests.robot import GATE, settled, spec_folder
+from tests.robot import DIAGNOSED, GATE, settled, spec_folder
 from tests.ros1.harness import Peer, Scene
 
 SECOND = 10**9
@@ -327,6 +327,17 @@ def test_an_adapter_that_cannot_start_says_why(words: list[str], told: str, tmp_
     with Scene(tmp_path, specs) as scene:
         adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", scene.server.url, *words)
         adapter.said(re.escape(told))
+        eventually(lambda: adapter.running, lambda running: not running)
+        assert adapter.end() == 2
+        assert "Traceback" not in adapter.log
+
+
+def test_what_the_adapter_says_itself_is_not_filtered(tmp_path: Path) -> None:
+    specs = spec_folder(tmp_path, DIAGNOSED, intercept="subscriber", unavailable="deny", within="2s")
+    with Scene(tmp_path, specs) as scene:
+        words = ["--oracle", scene.server.url, "--spec", "gate"]
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", *words)
+        adapter.said(re.escape("/diagnostics can't be filtered by intercept: subscriber: the adapter itself speaks"))
         eventually(lambda: adapter.running, lambda running: not running)
         assert adapter.end() == 2
         assert "Traceback" not in adapter.log

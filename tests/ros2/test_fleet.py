@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.robot import DIAGNOSED, spec_folder
 from tests.ros2.harness import ROOT, Scene, eventually
 
 msg = pytest.importorskip("std_msgs.msg")
@@ -101,5 +102,15 @@ def test_a_remap_that_means_nothing_is_refused(words: list[str], told: str, tmp_
     with Scene(tmp_path, specs) as scene:
         with pytest.raises(AssertionError, match="did not say 'observing'") as failed:
             scene.adapter("fleet", more=words)
+        assert told in str(failed.value)
+        assert "Traceback" not in str(failed.value)
+
+
+def test_what_the_adapter_says_itself_is_not_filtered(tmp_path: Path) -> None:
+    specs = spec_folder(tmp_path, DIAGNOSED, intercept="subscriber", unavailable="deny", within="2s")
+    with Scene(tmp_path, specs) as scene:
+        with pytest.raises(AssertionError, match="did not say 'observing'") as failed:
+            scene.adapter("gate")
+        told = "/diagnostics can't be filtered by intercept: subscriber: the adapter itself speaks there"
         assert told in str(failed.value)
         assert "Traceback" not in str(failed.value)

@@ -11,6 +11,18 @@ ERRORS, VERDICT = "monitor_error", "monitor_verdict"
 """The topics that each monitor has in its namespace: who publishes both is a monitor."""
 
 
+def refuse_own(name: str, heard: str, own: Iterable[str]) -> None:
+    """Raise ValueError where a filtered topic is heard where the adapter itself speaks.
+
+    `heard`, `own`: the names on the graph of what it hears, and of `OWN`.
+    """
+    if heard in own:
+        raise ValueError(
+            f"{name} can't be filtered by intercept: subscriber: the adapter itself speaks there, "
+            "and would judge each of its own words; write intercept: publisher, or action: log"
+        )
+
+
 def errors_among(topics: Iterable[str]) -> List[str]:
     """The topics of monitors' errors: those beside which a verdict is."""
     there = set(topics)

@@ -11,7 +11,7 @@ import rospy
 from oracle_adapter import PROXY
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import Interface
-from oracle_adapter.monitors import OWN, doubt_text
+from oracle_adapter.monitors import OWN, doubt_text, refuse_own
 from oracle_adapter.passing import Passing
 from oracle_adapter.unpublished import Unpublished
 
@@ -87,6 +87,7 @@ class FilteredTopic:
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
+        refuse_own(topic.name, rospy.resolve_name(taken), map(rospy.resolve_name, OWN))
         self._taken, self._unguarded = taken, ""
         self._silence, self._missing = Unpublished(rospy.resolve_name(taken)), Unheard(shared.graph)
         self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)

@@ -8,7 +8,7 @@ from oracle_adapter import PROXY
 from oracle_adapter.fields import not_there
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.kept import Beginning
-from oracle_adapter.monitors import OWN
+from oracle_adapter.monitors import OWN, refuse_own
 from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
@@ -176,6 +176,7 @@ class FilteredTopic:
         self.streams = [self.observed]
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
+        refuse_own(topic.name, node.resolve_topic_name(source), map(node.resolve_topic_name, OWN))
         self._node, self._heard, self._given, self._unguarded = node, source, target, ""
         self._publisher = MatchedPublisher(node, self.observed.type, target)
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
