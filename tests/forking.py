@@ -37,8 +37,6 @@ class Forked:
         """`ended` is a pipe, in which its exit status will be."""
         self.pid = pid
         self._ended = ended
-        self._ends = select.poll()
-        self._ends.register(ended, select.POLLIN)
         self._status: int | None = None
         self._reading = threading.Lock()
 
@@ -63,11 +61,14 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
     def _read(self, timeout: float) -> int | None:
-        with self._reading:
-            if self._status is None and self._ends.poll(1000 * timeout):
-                self._status = os.waitstatus_to_exitcode(int(os.read(self._ended, 16)))
-                os.close(self._ended)
-            return self._status
+        ends = select.poll()
+        ends.register(self._ended, select.POLLIN)
+        if self._status is None and ends.poll(1000 * timeout):
+            with self._reading:  # two may have waited
+                if self._status is None:
+                    self._status = os.waitstatus_to_exitcode(int(os.read(self._ended, 16)))
+                    os.close(self._ended)
+        return self._status
 
 
 class Forks:

@@ -19,6 +19,9 @@ class Fleet:
     def __init__(self, nodes: dict[str, Served]) -> None:
         self.nodes = nodes
         self.up = asyncio.Event()
+        self.restarts = asyncio.Event()
+        """Whether one that has ended is started again at once: back within its lease it goes on itself."""
+        self.restarts.set()
         self._turns = itertools.cycle(nodes.values())
         self._reviving: list[asyncio.Task[None]] = []
 
@@ -62,6 +65,7 @@ class Fleet:
         while True:
             await node.ended()
             node.up.clear()
+            await self.restarts.wait()
             try:
                 await node.start()
             except Ended:  # its lease had not run out for others to see; it is tried again

@@ -61,12 +61,14 @@ async def test_another_server_goes_on(
         struck = await asyncio.to_thread(owner)
         end = asyncio.create_task(fleet.nodes[struck].ended())
         if fault == "it is killed":
+            fleet.restarts.clear()
             fleet.nodes[struck].kill()
         else:
             fleet.nodes[struck].freeze()
         async with asyncio.timeout(PATIENCE):
             while await asyncio.to_thread(owner) == struck:
                 await asyncio.sleep(0.02)
+        fleet.restarts.set()
         if fault != "it is killed":
             fleet.nodes[struck].thaw()
             assert await end == 2, "it finds that it is no node any more"

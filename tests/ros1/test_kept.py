@@ -71,11 +71,17 @@ def test_so_it_is_in_simulated_time_that_is_told_later_and_goes_back(tmp_path: P
         def taken(session: str) -> int:
             return int(scene.server.session(session)["monitors"][0]["next"])
 
+        def say(stamp: int, session: str) -> None:
+            """Publish a map, and wait until the session has it: it must come before time goes on."""
+            before = taken(session)
+            peer.publish("/map", header(stamp))
+            eventually(partial(taken, session), lambda after: after > before)
+
         for session, began in (("s", 10 * HOUR), ("s.run2", 5 * HOUR)):
             at(began, session)
-            peer.publish("/map", header(began - HOUR))
+            say(began - HOUR, session)
             at(began + 2 * 10**9, session)
-            peer.publish("/map", header(began + 10**9))
+            say(began + 10**9, session)
             at(began + 4 * 10**9, session)
             found = eventually(partial(scene.server.events, session, stream="/map"), lambda events: len(events) == 2)
             assert [event["stamp"] for event in found] == [began, began + 10**9]
