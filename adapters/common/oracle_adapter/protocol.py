@@ -140,11 +140,7 @@ class Protocol:
         """End the session by clocks that go back, and continue in the next one."""
         if self._closed_reason:
             return
-        lost_before = self._stats.lost
-        for event in self._outbox.renew(stamps):
-            if event.waiting:
-                self._unavailable(event, "simulated time went back")
-        self._tell_left(lost_before)
+        self._leave(lambda: self._outbox.renew(stamps), "simulated time went back")
 
     def report(self, stream: str, kind: str, **facts: Any) -> bool:
         """Report facts of a stream, on all connections; False where they were reported already.
@@ -372,14 +368,14 @@ class Protocol:
             # No time went back: the session was closed before, and the next one takes what waits.
             self._outbox.move()
             return
-        lost_before = self._stats.lost
-        for event in self._outbox.start_over():
-            if event.waiting:
-                self._unavailable(event, reason)
-        self._tell_left(lost_before)
+        self._leave(self._outbox.start_over, reason)
 
-    def _tell_left(self, lost_before: int) -> None:
-        """Tell of what the session that has ended may lack."""
+    def _leave(self, begin_anew: Callable[[], List[Queued]], why: str) -> None:
+        """Go on in the next session, and tell how many events the last one may lack."""
+        lost_before = self._stats.lost
+        for event in begin_anew():
+            if event.waiting:
+                self._unavailable(event, why)
         count = self._stats.lost - lost_before
         if count:
             message = f"{count} events may not be in the session that has ended"
