@@ -8,6 +8,7 @@ sees of an environment is as it is for the first; where it is to be another, sta
 from __future__ import annotations
 
 import atexit
+import contextlib
 import json
 import os
 import re
@@ -54,7 +55,8 @@ class Forked:
     def send_signal(self, number: signal.Signals) -> None:
         """Send it a signal, unless it has ended."""
         if self.poll() is None:
-            os.kill(self.pid, number)
+            with contextlib.suppress(ProcessLookupError):  # it has ended just now
+                os.kill(self.pid, number)
 
     def kill(self) -> None:
         """End it at once."""
