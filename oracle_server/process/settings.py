@@ -183,7 +183,7 @@ def load_settings(**given: Any) -> Settings:
             raise SettingsError(why) from None
         name = str(first["loc"][0])
         where = f"ORACLE_{name.upper()}" if given.get(name) is None else f"--{name.replace('_', '-')}"
-        hint = _KUBERNETES if str(first["input"]).startswith("tcp://") else ""
+        hint = _KUBERNETES if where == "ORACLE_PORT" and str(first["input"]).startswith("tcp://") else ""
         raise SettingsError(f"{where}: {why}{hint}") from None
 
 

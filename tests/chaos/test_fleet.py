@@ -58,6 +58,10 @@ async def test_another_server_goes_on(
         return str(node)
 
     async def strike() -> None:
+        async with one_at_a_time:
+            await strike_owner()
+
+    async def strike_owner() -> None:
         struck = await asyncio.to_thread(owner)
         end = asyncio.create_task(fleet.nodes[struck].ended())
         if fault == "it is killed":
@@ -77,6 +81,7 @@ async def test_another_server_goes_on(
     def begin(_: list[Link]) -> None:
         strikes.append(tasks.create_task(strike()))
 
+    one_at_a_time = asyncio.Lock()
     moves: list[str] = []
     strikes: list[asyncio.Task[None]] = []
     points = sorted(chance.sample(range(len(trace) // 20, told(trace) * 2 // 3), len(names) - 1))

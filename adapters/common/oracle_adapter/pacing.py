@@ -11,7 +11,7 @@ from collections import deque
 from typing import Any, Callable, Deque, Optional
 
 AT_ONCE = 8
-"""Messages that are given without a pause."""
+"""Messages, or calls, that are given without a pause."""
 PAUSE = 0.001
 """Seconds between so many and the next."""
 

@@ -110,7 +110,6 @@ class FilteredTopic:
         publishers = headers(self._subscriber)
         self._link.lost(self._observed.overdue())
         self._silence.look(lambda: bool(publishers), self._graph.published)
-        self._link.lost(self._observed.overdue())
         found = [self._prepared(header) for header in publishers]
         self._latches.forget()
         if self._publisher is not None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Iterator
 
 from oracle_adapter.calls import call_numbers
+from oracle_adapter.pacing import AT_ONCE
 from rclpy.qos import QoSProfile
 
 from oracle_ros2.calltypes import CallTypes
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
-AT_ONCE = 8  # calls that a service has to read at a time: its queue keeps ten, and drops the oldest of more
 UNDERWAY = 0.2  # seconds that an answer may take to its client
 UNREAD = 10.0  # seconds for which it is told that a request, or a response, can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
@@ -48,7 +48,7 @@ class Call:
     """Whether the service has answered, and that is decided on at most."""
 
 
-class Unread:
+class Unreadable:
     """What could not be read on one side of a service."""
 
     def __init__(self) -> None:
@@ -72,7 +72,11 @@ class Unread:
 
 
 class Relay:
-    """Serves a proxy's name, and calls a service with what its owner lets pass. No call waits for another."""
+    """Serves a proxy's name, and calls a service with what its owner lets pass. No call waits for another's answer.
+
+    Of a burst the service gets `AT_ONCE`, and more as it answers, or with the next `catch_up`: its queue keeps ten
+    calls, and drops the oldest of more.
+    """
 
     def __init__(
         self, node: Node, service_type: Any, served: str, proxy: str,
@@ -87,10 +91,10 @@ class Relay:
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, Call] = {}  # without an answer
         self._waiting: deque[Call] = deque()  # for the service to be discovered, or to have read those before
-        self._unread = 0  # calls that have gone to the service since the last `catch_up`, and that it has not answered
+        self._ahead = 0  # calls that have gone to the service since the last `catch_up`, and that it has not answered
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
-        self._requests, self._responses = Unread(), Unread()
+        self._requests, self._responses = Unreadable(), Unreadable()
         self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
         self._service = node.create_service(
@@ -151,7 +155,7 @@ class Relay:
         if self._client.service_is_ready():
             self._away, self._patience = None, DISCOVERY
             with self._lock:
-                self._unread = 0
+                self._ahead = 0
             self._go_on()
             return self._left_alone(now)
         self._away = since = self._away or now
@@ -184,9 +188,9 @@ class Relay:
 
     def _next(self) -> Call | None:
         with self._lock:
-            if not self._waiting or self._unread >= AT_ONCE or not self._client.service_is_ready():
+            if not self._waiting or self._ahead >= AT_ONCE or not self._client.service_is_ready():
                 return None
-            self._unread += 1
+            self._ahead += 1
             return self._waiting.popleft()
 
     def _forward(self, call: Call) -> None:
@@ -199,7 +203,7 @@ class Relay:
         def take(done: Any) -> None:
             call.answered, call.lost = True, self._responses.take()
             with self._lock:
-                self._unread = max(0, self._unread - 1)
+                self._ahead = max(0, self._ahead - 1)
             self._on_response(call, done.result())
             self._go_on()
 
