@@ -12,10 +12,12 @@ from typing import Any
 
 import pytest
 
-from tests.robot import FAST, GATE_AND_LOG, changed, settled, spec_folder
+from tests.robot import FAST, GATE_AND_LOG, SWITCH, changed, settled, spec_folder
 from tests.ros2.harness import Process, Scene, eventually, without_gaps
 
 msg = pytest.importorskip("std_msgs.msg")
+srv = pytest.importorskip("std_srvs.srv")
+QoSProfile = pytest.importorskip("rclpy.qos").QoSProfile
 
 # rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
 pytestmark = pytest.mark.filterwarnings(
@@ -88,6 +90,23 @@ def test_a_frozen_oracle_is_done_without_as_the_spec_says_and_catches_up(unavail
         assert scene.server.session("s")["counters"]["lost"] == 0
         adapter.ends_well()
         assert adapter.log.count("until the oracle is back") == adapter.log.count("the oracle is back after")
+
+
+def test_calls_that_wait_for_a_frozen_oracle_are_all_answered(tmp_path: Path) -> None:
+    """They may all go at once then, and a service keeps ten."""
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        peer = scene.peer()
+        peer.node.create_service(srv.SetBool, "/switch", lambda _, response: response)
+        scene.adapter("switch")
+        client = peer.node.create_client(srv.SetBool, "/switch_mon", qos_profile=QoSProfile(depth=1000))
+        peer.until(client.service_is_ready, "nobody serves /switch_mon")
+        scene.server.process.send(signal.SIGSTOP)
+        answers = [client.call_async(srv.SetBool.Request(data=True)) for _ in range(40)]
+        asked = time.monotonic() + 0.5
+        peer.until(lambda: time.monotonic() > asked)
+        assert not any(answer.done() for answer in answers)
+        scene.server.process.send(signal.SIGCONT)
+        peer.until(lambda: all(answer.done() for answer in answers), "calls are lost")
 
 
 def test_a_session_that_is_made_anew_by_a_changed_spec_is_observed_as_that_says(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
+PAUSE = 0.1  # seconds after which a service that answers none of so many gets more: it may work on all at once
 UNDERWAY = 0.2  # seconds that an answer may take to its client
 UNREAD = 10.0  # seconds for which it is told that a request, or a response, can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
@@ -74,8 +75,8 @@ class Unreadable:
 class Relay:
     """Serves a proxy's name, and calls a service with what its owner lets pass. No call waits for another's answer.
 
-    Of a burst the service gets `AT_ONCE`, and more as it answers, or with the next `catch_up`: its queue keeps ten
-    calls, and drops the oldest of more.
+    Of a burst the service gets `AT_ONCE`, and more as it answers, or after a `PAUSE`: its queue keeps ten calls, and
+    drops the oldest of more.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class Relay:
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, Call] = {}  # without an answer
         self._waiting: deque[Call] = deque()  # for the service to be discovered, or to have read those before
-        self._ahead = 0  # calls that have gone to the service since the last `catch_up`, and that it has not answered
+        self._ahead, self._since = 0, 0.0  # calls that it has not answered, of those that have gone to it since (s)
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
         self._requests, self._responses = Unreadable(), Unreadable()
@@ -155,7 +156,8 @@ class Relay:
         if self._client.service_is_ready():
             self._away, self._patience = None, DISCOVERY
             with self._lock:
-                self._ahead = 0
+                if now - self._since >= PAUSE:
+                    self._ahead = 0
             self._go_on()
             return self._left_alone(now)
         self._away = since = self._away or now
@@ -190,6 +192,8 @@ class Relay:
         with self._lock:
             if not self._waiting or self._ahead >= AT_ONCE or not self._client.service_is_ready():
                 return None
+            if not self._ahead:
+                self._since = time.monotonic()
             self._ahead += 1
             return self._waiting.popleft()
 
