@@ -52,8 +52,8 @@ def gate(folder: Path) -> Scene:
     return Scene(folder, spec_folder(folder, TEXTS))
 
 
-@pytest.mark.parametrize("data", [b"caf\xe9", b"before\0after"])
-def test_what_is_forwarded_is_what_came_byte_for_byte(data: bytes, tmp_path: Path) -> None:
+def test_what_is_forwarded_is_what_came_byte_for_byte(tmp_path: Path) -> None:
+    data = b"caf\xe9"
     with gate(tmp_path) as scene:
         adapter, peer = scene.adapter("texts"), scene.peer()
         heard: list[bytes] = []
@@ -76,8 +76,9 @@ def test_a_message_that_cannot_be_read_is_told_and_lost_and_does_not_pass(tmp_pa
         whole = serialization.serialize_message(test_msgs.WStrings(wstring_value="XYZ"))
         no_text = whole.replace("Y".encode("utf-16-le"), b"\x00\xd8")  # half a surrogate pair
         too_long = LITTLE_ENDIAN + b"\xff\xff\xff\x7fa"
+        hidden = text(b"allowed\0forbidden")  # rclpy reads the half of it
         for publisher, messages in (
-            (texts, (msg.String(data="a"), too_long, msg.String(data="b"))),
+            (texts, (msg.String(data="a"), too_long, hidden, msg.String(data="b"))),
             (wide, (good, no_text, good)),
         ):
             for message in messages:
@@ -85,7 +86,7 @@ def test_a_message_that_cannot_be_read_is_told_and_lost_and_does_not_pass(tmp_pa
         peer.until(lambda: len(heard) == 2)
         assert [said.data for said in heard] == ["a", "b"]
         eventually(lambda: len(scene.server.events("s")), lambda count: count == 4)
-        assert scene.server.session("s")["counters"]["lost"] == 2
+        assert scene.server.session("s")["counters"]["lost"] == 3
         for stream in ("/text", "/wide"):
             adapter.said(f"{stream}: /peer publishes what can't be read: ")
         adapter.ends_well()

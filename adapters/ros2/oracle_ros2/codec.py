@@ -20,7 +20,7 @@ from oracle_ros2.singles import all_shortest, shortest
 
 Read = Callable[[Any], Any]
 
-_SEQUENCE = re.compile(r"sequence<(?P<of>.+?)(, \d+)?>|(?P<array>.+)\[\d+\]")
+SEQUENCE = re.compile(r"sequence<(?P<of>.+?)(, \d+)?>|(?P<array>.+)\[(?P<size>\d+)\]")
 _NO_NUMBERS = frozenset({"NaN", "Infinity", "-Infinity"})
 _BYTES = frozenset({"uint8", "octet", "byte"})
 
@@ -62,7 +62,7 @@ def _has(message_type: Any, names: Sequence[str]) -> bool:
     kind = message_type.get_fields_and_field_types().get(names[0])
     if kind is None or len(names) == 1:
         return kind is not None
-    return "/" in kind and not _SEQUENCE.fullmatch(kind) and _has(load_type(kind), names[1:])
+    return "/" in kind and not SEQUENCE.fullmatch(kind) and _has(load_type(kind), names[1:])
 
 
 @lru_cache(maxsize=None)
@@ -72,7 +72,7 @@ def _whole(message_type: Any) -> Read:
 
 
 def _value_reader(kind: str, inner: list[str] | None) -> Read:
-    many = _SEQUENCE.fullmatch(kind)
+    many = SEQUENCE.fullmatch(kind)
     if many:
         return _sequence_reader(many["of"] or many["array"])
     if "/" in kind:
@@ -123,7 +123,7 @@ def _checkable(kind: str, written: Any) -> Any:
 
 
 def _written(kind: str, current: Any, value: Any, where: str) -> Any:
-    many = _SEQUENCE.fullmatch(kind)
+    many = SEQUENCE.fullmatch(kind)
     if many:
         return _items(many["of"] or many["array"], value, where)
     if "/" in kind:

@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import Monitors, unguarded
+from oracle_ros2.hidden import hidden_text_check
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.stamps import misplaced, simulated, stamp_reader, time_of
@@ -58,6 +59,7 @@ class Observed:
         self.lacking = not_there(stream["type"], lacking(inner, stream.get("reads") or ()))
         """Which fields the spec reads that the type does not have here."""
         self._read = reader(inner, stream["fields"])
+        self._check_texts = hidden_text_check(self.type)
         self.is_foreign: Callable[[str], bool] = lambda _: False
         """Whether messages of a source are defined otherwise than here: they can't be read."""
         self.lasts: Callable[[], bool] = lambda: False
@@ -93,6 +95,7 @@ class Observed:
             return None
         try:
             message = deserialize_message(serialized, self.type)
+            self._check_texts(serialized)
             if self._field:
                 message = getattr(message, self._field)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
