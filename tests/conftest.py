@@ -5,6 +5,7 @@ Where the tests are started in the background, a shell lets them ignore Ctrl-C, 
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 
@@ -16,3 +17,10 @@ settings.load_profile("patient")
 os.environ.pop("COLUMNS", None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+gc.set_threshold(20_000)
+
+
+def pytest_collection_finish() -> None:
+    """Let no collection look again at all the tests that there are."""
+    gc.freeze()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import importlib
 import json
 import os
 import re
@@ -29,6 +30,12 @@ STRICT = {
 _AT_START = re.compile("PYTHON|LC_|LANG|LD_|TZ|MALLOC")
 """Begins the names of variables that the start of a Python sees."""
 _LONGEST = 1_000_000
+IMPORTED = (
+    "oracle_server.api.app", "oracle_server.server", "oracle_server.replay.many.command",
+    # what is imported only where it is needed
+    "oracle_server.engines.stl.parse", "fastapi_offline", "pydantic.v1", "uvicorn.lifespan.off",
+)  # fmt: skip
+"""What is forked has these."""
 
 
 class Forked:
@@ -167,10 +174,13 @@ def _become(arguments: list[str], environment: dict[str, str], folder: str, prel
 if __name__ == "__main__":
     import gc
 
-    import oracle_server.api.app
-    import oracle_server.server  # noqa: F401 -- what is forked has it
+    for name in IMPORTED:
+        importlib.import_module(name)
     from oracle_server.cli import main
+    from oracle_server.core.formula.parse import parse_formula
 
+    parse_formula("{a: 1}", "steps")  # a parser takes long to make
+    parse_formula("{a: 1}", "seconds")
     gc.freeze()
     _prelude = _serve(socket.socket(fileno=os.dup(0)))
     if _prelude is not None:

@@ -14,7 +14,7 @@ from oracle_server.core.reorder import Released, ReorderBuffer
 A, B = (StreamKey(name, "topic") for name in ("/a", "/b"))
 SOURCES = list(product(("m", "n", "o"), (A, B)))
 
-often = settings(max_examples=400, deadline=None)
+often = settings(max_examples=200, deadline=None)
 
 
 def test_a_monitor_ahead_gets_no_more_until_it_is_waited_for() -> None:

@@ -19,7 +19,7 @@ from tests.engines.test_against_brute import SEED
 from tests.episodes import Kept, Line, expected, told
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "400"))
+CASES = int(os.environ.get("CASES", "200"))
 DIFFERED = (3666412842, 3666412941)
 """Of these a deadline had another number after a restart, and an end was told twice."""
 

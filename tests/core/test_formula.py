@@ -15,7 +15,7 @@ from oracle_server.core.formula.size import MAX_DEPTH
 from oracle_server.core.formula.tree import Any, Atom, Bound, Constraint, Formula, Once, Ref
 from tests import strategies
 
-often = settings(max_examples=500, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+often = settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 times: st.SearchStrategy[Time] = st.sampled_from(("steps", "seconds"))
 
 distances = st.builds(int.__mul__, st.integers(0, 10**9), st.sampled_from((1, 10**3, 10**6, 10**9)))

@@ -17,7 +17,7 @@ from tests.core.revising import B, Case, Run, case, compared, reference
 from tests.engines.test_against_brute import SEED
 from tests.generate import KEYS
 
-CASES = int(os.environ.get("CASES", "250"))
+CASES = int(os.environ.get("CASES", "125"))
 
 
 def with_rows(plain: Case, rng: random.Random) -> Case:

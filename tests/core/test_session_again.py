@@ -93,7 +93,7 @@ def check_rejudging(
     assert [j.counters for j in back.judges.values()] == [j.counters for j in there.judges.values()]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     before=happenings,
     after=happenings,

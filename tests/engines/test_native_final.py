@@ -22,7 +22,7 @@ from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, outcomes
 from tests.strategies import START
 
-CASES = int(os.environ.get("CASES", "1000"))
+CASES = int(os.environ.get("CASES", "500"))
 
 
 def settling(rng: random.Random, formula: Formula) -> Formula:

@@ -16,7 +16,7 @@ from tests import generate
 from tests.brute import truths
 from tests.engines.test_against_brute import SEED, holds, matches
 
-CASES = int(os.environ.get("CASES", "1000"))
+CASES = int(os.environ.get("CASES", "500"))
 
 
 @pytest.mark.parametrize("time", ["steps", "seconds"])

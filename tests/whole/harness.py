@@ -23,6 +23,7 @@ __all__ = ["COMMAND", "PATIENCE", "STRICT", "Server", "environment", "failed", "
 T = TypeVar("T")
 
 COMMAND = Path(sys.executable).parent / "oracle-server"
+_TRUSTED = httpx.create_ssl_context(trust_env=False)  # made once: it takes longer than a request
 
 
 class Server:
@@ -40,7 +41,7 @@ class Server:
             raise
         # the server closes a connection that was idle for 5 s: none is used again that is nearly as old
         limits = httpx.Limits(keepalive_expiry=1)
-        self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False, limits=limits)
+        self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False, limits=limits, verify=_TRUSTED)
 
     def __enter__(self) -> Self:
         return self

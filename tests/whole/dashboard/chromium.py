@@ -25,7 +25,7 @@ MISSING = "Chromium is not here (Debian: apt-get install chromium)"
 
 def chromium() -> str | None:
     """Where it is, None where it is not."""
-    return shutil.which("chromium")
+    return shutil.which("chromium-headless-shell") or shutil.which("chromium")
 
 
 @asynccontextmanager

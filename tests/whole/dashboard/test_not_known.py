@@ -16,7 +16,7 @@ from tests.whole.test_recordings import judged, log
 
 BOTH = """
 id: both_orders
-ordering: {by: both}
+ordering: {by: both, max_delay: 60s}
 streams:
   - {topic: /x, signals: {x: msg.x}}
   - {topic: /y, signals: {y: msg.y}}
