@@ -66,6 +66,7 @@ async def test_the_diagram_shows_who_sent_what_and_what_was_stopped(page: Page, 
     await page.get_by_role("button", name="All streams").click()
     diagram = page.get_by_role("group", name="Events by time")
     names = diagram.locator(".lifeline > text:not(.hint)")
+    await expect(names).to_have_count(7)
     assert {*await names.all_text_contents()} == {"/base", "a client", "/pilot", "m1", "/odom", "/dock", "/cmd"}
     said = [await each.get_attribute("aria-label") or "" for each in await diagram.locator("a").all()]
     rows = [text.split(": ", 1) for text in said]
