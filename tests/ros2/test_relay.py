@@ -189,6 +189,6 @@ def test_a_service_that_takes_long_gets_more_calls_though_it_answers_none(
         made.catch_up()
         made.catch_up()
         gone.append(sum(call.forwarded for call in made.open))
-        clock[0] += 0.125
+        clock[0] += relay.PAUSE
     assert gone == [8, 16, 20]
     made.destroy()

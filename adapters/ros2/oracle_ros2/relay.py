@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
-PAUSE = 0.1  # seconds after which a service that answers none of so many gets more: it may work on all at once
+PAUSE = 1.0  # seconds after which a service that answers none of so many gets more: it may work on all at once
 UNDERWAY = 0.2  # seconds that an answer may take to its client
 UNREAD = 10.0  # seconds for which it is told that a request, or a response, can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
