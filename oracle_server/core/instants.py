@@ -61,6 +61,7 @@ class Instants:
         self._places, self._value, self._effort = places, value, effort
         self._rows: dict[int, Row] = {}
         self._formula = formula
+        self._again = {d.name: d.of for place in places for d in place.again.values() if d.op == "last"}
         self._fill(formula)
 
     def row(self, node: Formula) -> Row:
@@ -125,7 +126,7 @@ class Instants:
 
     def _by_worlds(self, instant: Formula, row: Row) -> Row:
         """An instant's row, with what follows from its atoms together where not from each of them."""
-        worlds = Worlds(instant)
+        worlds = Worlds(instant, self._again)
         if not worlds.telling:
             return row
         like = likened(worlds.keys, self._places)

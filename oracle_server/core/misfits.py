@@ -74,6 +74,10 @@ def misfits(atom: Atom, places: Sequence[Place]) -> Iterator[Doubt]:
         yield Doubt("never", atom, _never(atom, could), atom.at)
         return
     for constraint in atom.constraints:
+        if all(p.itself(constraint) is False for p in possible.values()):
+            yield Doubt("never", atom, f"`{constraint_text(constraint)}` is never met{counted(atom, could)}", atom.at)
+            return
+    for constraint in atom.constraints:
         if _asks_nothing(constraint, atom, list(possible.values())):
             yield Doubt("met", atom, _always(constraint, could), atom.at)
 
@@ -86,6 +90,8 @@ def _asks_nothing(constraint: Constraint, atom: Atom, possible: Sequence[Place])
     key, op = constraint.key, constraint.op
     if key in NAMING or op == "==":
         return False
+    if all(p.itself(constraint) for p in possible):
+        return True
     interval = op != "!=" and any(c.key == key and c is not constraint for c in atom.constraints)
     return not interval and all(p.range(key).always_meets(constraint) for p in possible)
 
@@ -128,6 +134,8 @@ def _always(constraint: Constraint, could: Sequence[Place]) -> str:
     text = constraint_text(constraint)
     if _is_not_finite(constraint, found):
         return f"`{text}` is met by every value: {_FINITE}"
+    if isinstance(constraint.value, Signal):
+        return f"`{text}` is met by every value{counted(Atom((constraint,)), could)}"
     known = f"`{constraint.key}` of {names_of(could)} is always {described(found)}{_mend(constraint, found)}"
     known += begun_anew([constraint.key], could)
     return f"`{text}` is met by every value: {known}"
@@ -140,6 +148,20 @@ def begun_anew(keys: Iterable[str], could: Sequence[Place]) -> str:
             return (
                 f"; `{key}` begins anew with these events, and is 0 at each of them: to say how long they may stay "
                 f"away, ask for it alone, as `{{{key} <= 0.5}}` with `time: seconds`"
+            )
+    return ""
+
+
+def counted(atom: Atom, could: Sequence[Place]) -> str:
+    """What is said of a signal beside the last, least or largest of its samples, one of which it is; mostly empty."""
+    keys = {c.key for c in atom.constraints} | {c.value.name for c in atom.constraints if isinstance(c.value, Signal)}
+    for name, found in {name: found for place in could for name, found in place.again.items()}.items():
+        if name in keys and found.of in keys:
+            is_ = {"last": "is", "max": "is never less than", "min": "is never more than"}[found.op]
+            before = f"; the sample before is `previous: {found.of}`, and how far both are apart `delta: {found.of}`"
+            return (
+                f"; `{found.op}: {found.of}` counts the very event, so that `{name}` {is_} `{found.of}` wherever both "
+                f"are there{before if found.op == 'last' else ''}"
             )
     return ""
 

@@ -8,8 +8,8 @@ from functools import reduce
 from operator import or_
 
 from oracle_server.core.atoms import meets
-from oracle_server.core.comparisons import contradictory, turned
-from oracle_server.core.derived.definition import Definition
+from oracle_server.core.comparisons import Sign, contradictory, met, turned
+from oracle_server.core.derived.definition import Definition, Op
 from oracle_server.core.derived.lacking import lacking
 from oracle_server.core.derived.ranges import derived_ranges, ranges_now
 from oracle_server.core.expression import is_always_there
@@ -28,6 +28,8 @@ _LISTED = 3
 _RESERVED: Mapping[str, Range] = {"monitor": TEXT, "call": NUMBER}
 _MARKS: Mapping[str, Range] = {GOAL_ID: TEXT, STATUS: Range(values=STATUSES)}
 _NOTHING = Record("", {})
+_ITSELF: Mapping[Op, tuple[Sign, ...]] = {"last": (0,), "max": (-1, 0), "min": (0, 1)}
+"""How a signal compares with what is derived of it by these, where it is among the samples itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,7 @@ class Place:
     open: bool
     lack: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     counted: Mapping[str, tuple[Definition, Range]] = field(default_factory=dict)
+    again: Mapping[str, Definition] = field(default_factory=dict)
     _now: dict[str, Range | None] = field(default_factory=dict)
 
     @property
@@ -109,9 +112,28 @@ class Place:
         """Whether every event has a signal, unless it failed."""
         return key in self.always or (self.now(key) is not None and self.always.issuperset(self.counted[key][0].by))
 
+    def signs(self, key: str, other: str) -> tuple[Sign, ...] | None:
+        """How a signal compares with what is derived of it and counts it, None for two others."""
+        found = self.again.get(other)
+        return _ITSELF[found.op] if found is not None and found.of == key else None
+
+    def itself(self, constraint: Constraint) -> bool | None:
+        """What a comparison of a signal with the last, least or largest of its samples, this one among them, comes to.
+
+        None where it may be either, and for all other constraints.
+        """
+        for asked in (constraint, turned(constraint)) if isinstance(constraint.value, Signal) else ():
+            signs = self.signs(asked.key, asked.value.name) if isinstance(asked.value, Signal) else None
+            answers = {met(asked, sign) for sign in signs or ()}
+            if len(answers) == 1:
+                return answers.pop()
+        return None
+
     def value(self, atom: Atom) -> bool | None:
         """Whether an atom holds at every event (true), at none (false), or that is not known."""
         if not self.allows(atom) or self.lacks(atom) or self.misfit(atom) or contradictory(atom.constraints):
+            return False
+        if any(self.itself(c) is False for c in atom.constraints):
             return False
         return True if all(self.sure(c) for c in atom.constraints) else None
 
@@ -129,7 +151,7 @@ class Place:
         return tuple(
             (self.constants.get(key), self.has(key))
             if self._reserves(key)
-            else self.has(key) and (id(self.range(key)), self.is_there(key))
+            else self.has(key) and (id(self.range(key)), self.is_there(key), key in self.again)
             for key in keys
         )
 
@@ -190,12 +212,24 @@ def _with_lacks(spec: Spec, found: Sequence[Place]) -> list[Place]:
     keys = frozenset(by for definition in spec.derive for by in definition.by)
     lacks: dict[frozenset[str], Mapping[str, tuple[str, ...]]] = {}
     made, counted = [], ranges_now(spec)
+    derived = {definition.name for definition in spec.derive}
+    counting = [d for d in spec.derive if d.op in _ITSELF and d.of not in derived]
     for place in found:
         there = place.among(needed) | (keys if place.stream is None else frozenset())
         if there not in lacks:
             lacks[there] = lacking(spec.derive, there.__contains__)
-        made.append(replace(place, lack=lacks[there], counted={} if place.stream is None else counted))
+        again = {d.name: d for d in counting if _is_sample(d, place, found)}
+        made.append(replace(place, lack=lacks[there], counted={} if place.stream is None else counted, again=again))
     return made
+
+
+def _is_sample(definition: Definition, place: Place, found: Sequence[Place]) -> bool:
+    """Whether a signal is a sample of what is derived of it wherever an event has it here, or still is the last one."""
+    of = definition.of
+    if of not in place.held or (place.stream is not None and of in place.stream.hold):
+        return place.has(of)
+    having = [other for other in found if other.stream and (of in other.own or other.open)]
+    return len(having) == 1 and definition.op == "last" and not definition.by
 
 
 def likened(atom: Atom, found: Sequence[Place]) -> list[Place]:

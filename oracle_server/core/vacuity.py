@@ -43,7 +43,7 @@ from oracle_server.core.instants import Instants, Occurrence, Row
 from oracle_server.core.joins import unjoined
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.lacks import quoted, whose
-from oracle_server.core.misfits import Doubt, misfits
+from oracle_server.core.misfits import Doubt, counted, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.typed import StreamTypes
@@ -277,6 +277,8 @@ class _Seen:
             message = f"it {what} at every event, whatever the messages say{more}"
         else:
             message = f"`{render(instant, self.prop.time)}` {what} at every event, whatever the messages say"
+        read = Atom(tuple(c for atom in atoms(instant) for c in atom.constraints))
+        message += counted(read, [p for p in self.places if p.again])
         return Doubt(claim, instant, message, _place(instant), tuple(p.name for p in self.places))
 
 

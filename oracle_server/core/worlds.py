@@ -64,7 +64,9 @@ class Effort:
 class Worlds:
     """An instant over all that its signals can be at an event; of the past nothing is known."""
 
-    def __init__(self, instant: Formula) -> None:
+    def __init__(self, instant: Formula, again: Mapping[str, str]) -> None:
+        """Look at an instant; `again` has the signals whose last samples some derived ones are, by their names."""
+        self._again = again
         self._atoms: list[Atom] = []
         self._facts: list[list[_Fact]] = []
         self._quantifiers = 0
@@ -73,11 +75,12 @@ class Worlds:
         readers: dict[str, int] = {}
         for atom in self._atoms:
             for key in {c.key for c in atom.constraints}:
-                readers[key] = readers.get(key, 0) + 1
+                readers[again.get(key, key)] = readers.get(again.get(key, key), 0) + 1
         self._shared = {key: dict[_Fact, Constraint]() for key, count in readers.items() if count > 1}
         for fact, constraint in self._asked():
-            if constraint.key in self._shared:
-                self._shared[constraint.key][fact] = constraint
+            key = again.get(constraint.key, constraint.key)
+            if key in self._shared:
+                self._shared[key][fact] = constraint
         self.keys = Atom(tuple(c for atom in self._atoms for c in atom.constraints))
         """An atom with all constraints."""
         self.telling = bool(self._shared) and len(self.keys.constraints) <= _LARGEST
@@ -88,7 +91,7 @@ class Worlds:
         effort.left -= self._size
         if effort.left < 0:
             return None
-        shared = [(key, asked) for key, asked in self._shared.items() if key not in place.constants]
+        shared = [(key, asked) for key, asked in self._shared_at(place).items() if key not in place.constants]
         choices = [list(_choices(key, asked, place)) for key, asked in shared]
         count = math.prod(len(each) for each in choices)
         if count == 1 or count > _MOST or count * self._size > effort.left:
@@ -106,6 +109,17 @@ class Worlds:
                 return None
             first = found
         return first
+
+    def _shared_at(self, place: Place) -> Mapping[str, Mapping[_Fact, Constraint]]:
+        """What is asked of each value: of a signal and its last sample together, where an event here is that."""
+        if not self._again:
+            return self._shared
+        found: dict[str, dict[_Fact, Constraint]] = {}
+        for key, asked in self._shared.items():
+            for fact, constraint in asked.items():
+                own = constraint.key != key and constraint.key not in place.again
+                found.setdefault(constraint.key if own else key, {})[fact] = constraint
+        return found
 
     def _asked(self) -> Iterator[tuple[_Fact, Constraint]]:
         for atom, facts in zip(self._atoms, self._facts, strict=True):
@@ -157,19 +171,32 @@ class Worlds:
 def _choices(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Iterator[_World]:
     """What the constraints on a signal can come to, by the values that it can have."""
     plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref | Signal | Limit)}
-    joined = [fact for fact, c in asked.items() if isinstance(c.value, Ref)][:_MOST_JOINED]
+    variables = list(dict.fromkeys(variable for (_, variable), c in asked.items() if isinstance(c.value, Ref)))
+    variables = variables[:_MOST_JOINED]
     compared = {fact: c for fact, c in asked.items() if isinstance(c.value, Signal)}
+    absent = list(_absent(key, asked, place))
     values = place.range(key).telling(list(plain.values()))
     for found, number in {(tuple(meets(c, v) for c in plain.values()), not isinstance(v, str | bool)) for v in values}:
-        for orders in _orders(compared, place, number=number):
-            for equal in product((False, True), repeat=len(joined)):
-                yield {**dict(zip((*plain, *joined), (*found, *equal), strict=True)), **orders}
+        for orders in _orders(key, compared, place, number=number):
+            for equal in product((False, True), repeat=len(variables)):
+                same = dict(zip(variables, equal, strict=True))
+                joined = {fact: same[fact[1]] for fact in asked if fact[1] in same}
+                world = {**dict(zip(plain, found, strict=True)), **joined, **orders}
+                yield from ({**world, **gone} for gone in absent)
     if key not in place.always:
-        yield dict.fromkeys(asked, False)
+        yield {fact: False for fact, c in asked.items() if c.key == key}  # the last sample may be there all the same
 
 
-def _orders(compared: Mapping[_Fact, Constraint], place: Place, *, number: bool) -> Iterator[_World]:
-    """What comparisons with other signals can come to; those with all but a few are not known.
+def _absent(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Iterator[_World]:
+    """Which of the last samples of a signal that is there may be absent: those by a signal that is not."""
+    keyed = dict.fromkeys(c.key for c in asked.values() if c.key != key and place.again[c.key].by)
+    for gone in product((False, True), repeat=len(keyed)):
+        names = {name for name, is_gone in zip(keyed, gone, strict=True) if is_gone}
+        yield {fact: False for fact, c in asked.items() if c.key in names}
+
+
+def _orders(key: str, compared: Mapping[_Fact, Constraint], place: Place, *, number: bool) -> Iterator[_World]:
+    """What comparisons of a signal with others can come to; those with all but a few are not known.
 
     With one that is no number each is false; where it is absent, its own constraint tells.
     """
@@ -177,7 +204,10 @@ def _orders(compared: Mapping[_Fact, Constraint], place: Place, *, number: bool)
         yield dict.fromkeys(compared, False)
         return
     names = others(compared.values())[:_MOST_COMPARED]
-    ways = [(*signs(), *(() if place.range(name).is_number else (None,))) for name in names]
+    ways = [
+        (0,) if name == key else place.signs(key, name) or (*signs(), *(() if place.range(name).is_number else (None,)))
+        for name in names
+    ]
     for found in product(*ways):
         known = dict(zip(names, found, strict=True))
         yield {

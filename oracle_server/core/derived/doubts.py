@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -13,11 +14,11 @@ from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import OPS, Definition
 from oracle_server.core.derived.machinery import KeyPath, placed
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.expression import check_shape
+from oracle_server.core.expression import check_shape, tokens, tree
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Constraint, Formula, Position, Scalar, atoms
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Scalar, atoms
 from oracle_server.core.lacks import quoted, whose
-from oracle_server.core.misfits import described, misfits, range_at
+from oracle_server.core.misfits import counted, described, misfits, range_at
 from oracle_server.core.namesakes import named, namesake
 from oracle_server.core.places import Place, places
 from oracle_server.core.ranges import Range
@@ -28,6 +29,9 @@ from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import span
 from oracle_server.core.withholding import lasting, present, without_signals
 
+_MARKS = {
+    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+}  # fmt: skip
 _AT_MOST = re.compile(r"\bat\s+most\s+(\d+(?:\.\d+)?)\s*(?:hz|hertz)\b", re.IGNORECASE)
 
 
@@ -47,6 +51,8 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield _warning(definition, path, message, None)
         for message in _always_failing(definition, where):
             yield replace(_warning(definition, path, message, None), kind="unjudged")
+        for message, at_part in _with_itself(definition, where) if definition.op == "expression" else ():
+            yield _warning(definition, path, message, at_part)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
     yield from _less_than_one(spec)
@@ -104,6 +110,39 @@ def _always_failing(definition: Definition, where: Sequence[Place]) -> Iterator[
         if found != Range() and not found.has_numbers:
             takes = f"it always fails: `{definition.op}` takes numbers"
             yield f"{takes}, and `{definition.of}` is always {described(found)}"
+
+
+def _with_itself(definition: Definition, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
+    """Parts of an expression that put a signal together with its own last sample, each with where it begins."""
+    for node in tree.walk(definition.expression.tree):
+        match node:
+            case tree.Compare(left=left, mark=mark, right=right):
+                told = _itself(left, mark, right, where)
+            case tree.Chain(first=left, rest=((mark, right), *_)):
+                told = _itself(left, mark, right, where)
+            case _:
+                continue
+        if told:
+            shown = " ".join(definition.of[left.start : right.end].split())
+            yield f"`{shown}` {told}", tokens.place(definition.of, left.start)
+
+
+def _itself(left: tree.Node, mark: str, right: tree.Node, where: Sequence[Place]) -> str:
+    """What comes of a signal and its own last, least or largest sample; empty where that is not known."""
+    if not (isinstance(left, tree.Path) and isinstance(right, tree.Path)) or mark not in ("-", *_MARKS):
+        return ""
+    (one,), (other,) = left.names, right.names
+    there = [p for p in where if p.has(one) and p.has(other)]
+    signs = {p.signs(one, other) or tuple(-sign for sign in p.signs(other, one) or ()) for p in there}
+    if len(signs) != 1 or not (ways := signs.pop()):
+        return ""
+    if mark == "-":
+        comes = "is always 0" if ways == (0,) else ""
+    else:
+        found = {_MARKS[mark](sign, 0) for sign in ways}
+        comes = f"is {'always' if found == {True} else 'never'} true" if len(found) == 1 else ""
+    asked = Atom((Constraint(one, "==", Any.ANY), Constraint(other, "==", Any.ANY)))
+    return comes and comes + counted(asked, there)
 
 
 def _shape(found: Range) -> Value | None:
