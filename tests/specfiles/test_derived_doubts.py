@@ -286,3 +286,28 @@ def test_a_rate_by_which_less_than_one_comes_in_its_window(prop: str, says: str 
     derive = "derive: {often: {rate: '{topic: /n}', over: 2s}, lately: {count: '{topic: /n}', over: 2s}}\n"
     found = [each.split(": ", 1)[1] for each in told(f"{derive}properties: [{{id: p, {prop}}}]\n")]
     assert [each for each in found if "already" in each] == ([] if says is None else [says])
+
+
+ROWS = "  - {topic: /tf, each: msg.transforms, signals: {child: item.child_frame_id, row: index}}\n"
+
+
+@pytest.mark.parametrize(
+    ("prop", "counts_rows"),
+    [
+        ("pattern: '/tf at least 50 Hz over 1s'", True),
+        ("pattern: '/tf at most 50 Hz over 1s'", True),
+        ("pattern: 'at most 3 (/tf or /n) within 1s'", True),
+        ("formula: 'not {often < 50}', time: seconds", True),
+        ("pattern: '/tf {row: 0} at least 50 Hz over 1s'", False),
+        ("pattern: '/tf {child: base} at least 50 Hz over 1s'", False),
+        ("pattern: 'at most 3 /tf {child: *} within 1s'", False),
+        ("pattern: '/tf every 1s'", False),
+        ("pattern: '/n at least 50 Hz over 1s'", False),
+    ],
+)
+def test_rows_that_are_counted_for_messages_are_told_of(prop: str, *, counts_rows: bool) -> None:
+    text = STREAMS + ROWS + ("derive: {often: {rate: '{topic: /tf}', over: 1s}}\n" if "often" in prop else "")
+    found = parse_spec(f"{text}properties: [{{id: p, {prop}}}]\n", "s.yaml", types=TYPES).warnings
+    says = "it counts the rows of /tf, and not its messages, each of which has as many as its list"
+    assert [each for each in found if says in each.message] == ([*found] if counts_rows else [])
+    assert len(found) == counts_rows

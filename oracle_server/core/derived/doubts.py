@@ -53,6 +53,8 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield replace(_warning(definition, path, message, None), kind="unjudged")
         for message, at_part in _with_itself(definition, where) if definition.op == "expression" else ():
             yield _warning(definition, path, message, at_part)
+        for message in _of_rows(definition, where):
+            yield _warning(definition, path, message, None)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
     yield from _less_than_one(spec)
@@ -110,6 +112,19 @@ def _always_failing(definition: Definition, where: Sequence[Place]) -> Iterator[
         if found != Range() and not found.has_numbers:
             takes = f"it always fails: `{definition.op}` takes numbers"
             yield f"{takes}, and `{definition.of}` is always {described(found)}"
+
+
+def _of_rows(definition: Definition, where: Sequence[Place]) -> Iterator[str]:
+    """What counts the rows of messages, whatever these are, where it seems to count messages."""
+    if definition.op not in ("count", "rate") or definition.formula is None:
+        return
+    rows = [p.stream for p in where if p.stream and p.stream.each and present(definition.formula, p.value) is True]
+    if rows:
+        event = f'{{{rows[0].traits.group}: "{rows[0].name}", row: 0}}'
+        yield (
+            f"it counts the rows of {rows[0].key}, and not its messages, each of which has as many as its list; to "
+            f"count messages write `row: index` under its `signals`, and ask for `{event}`"
+        )
 
 
 def _with_itself(definition: Definition, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
