@@ -293,3 +293,22 @@ def test_a_signal_that_a_pattern_makes_is_no_other() -> None:
 )
 def test_what_is_too_large_is_refused_in_a_line(line: str) -> None:
     assert len(refusal_of(line)) < 1_000
+
+
+@pytest.mark.parametrize(
+    ("pattern", "time"),
+    [
+        ("no /goal within 5s", "5s"),
+        ("no /goal {goal: *} within 2 minutes", "2 minutes"),
+        ("no (/goal or /status) within 5 steps", "5 steps"),
+        ("No /goal within 5s", "5s"),
+        ("globally: no /goal within 5s", None),
+        ("after low: no /goal within 5s", None),
+        ("no /goal", None),
+        ("some /goal within 5s", None),
+    ],
+)
+def test_what_is_asked_of_the_beginning_alone_is_told_of(pattern: str, time: str | None) -> None:
+    found = [each.message for each in parse_spec(spec_of(f"pattern: '{pattern}'"), "s.yaml").warnings]
+    says = "pattern of 'p': it says nothing of what comes later than"
+    assert [each.split(" after")[0] for each in found if says in each] == ([f"{says} {time}"] if time else [])
