@@ -12,8 +12,8 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Signal
 from oracle_server.core.plan import can_meet
 from oracle_server.core.ranges import ValueKind
-from oracle_server.core.spec import Property, Spec
-from oracle_server.core.units import counted
+from oracle_server.core.spec import SECOND, Property, Spec
+from oracle_server.core.units import counted, span
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
 from oracle_server.replay.recording import Note, part_of
 from oracle_server.replay.run import Replay
@@ -125,6 +125,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
         why = because(counts) if how == "failed" else ""
         yield f"{key}: the signal {name} {how} at {_all(coverage[key]['events'])}{why}"
     yield from _incomparable(replay, coverage)
+    yield from _too_short(replay)
     yield from replay.spelling.doubts()
     yield from replay.lacking.doubts()
     yield from replay.units.doubts()
@@ -156,6 +157,25 @@ def _incomparable(replay: Replay, coverage: Coverage) -> Iterator[str]:
                     was, other = (" or a ".join(sorted(map(str, kinds))) for kinds in (had, wanted))
                     signal = f"{stream.key}: the signal {name}"
                     yield f"{signal} was always a {was}, and {prop.id} compares it with a {other}"
+
+
+def _too_short(replay: Replay) -> Iterator[str]:
+    """The properties of rates that were never known, since the recording is shorter than what they are taken over."""
+    session = replay.session
+    if session is None or session.begun is None:
+        return
+    lasted = session.now - session.begun
+    for prop in replay.spec.properties:
+        read = set(replay.spec.derived_of(prop))
+        for each in reversed(replay.spec.derive):  # each may be computed of those above it
+            if each.name not in read:
+                continue
+            read.update(each.reads)
+            if each.op == "rate" and each.over is not None and lasted < each.over:
+                yield (
+                    f"{prop.id}: {each.name} was never known: a rate is {span(each.over)} after the begin, and the "
+                    f"recording lasts {lasted / SECOND:g} s"
+                )
 
 
 def _compared(atom: Atom) -> Iterator[tuple[str, ValueKind | None]]:
