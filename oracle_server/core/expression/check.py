@@ -238,9 +238,10 @@ class _Checker:
         if node.mark == "in":
             self._inside(node, left, right)
         else:
-            rule = operands.equal if node.mark in ("==", "!=") else operands.ordered
-            wrong = rule(node.mark, left, right)
+            wrong = operands.compared(node.mark, left, right)
             self._told(node.start, wrong)
+            for doubt in operands.by_letters(node.mark, left, right) if wrong is None else ():
+                self._warn(node.start, doubt)
             if wrong is None:
                 self._settled(node, left, right)
         return BOOL

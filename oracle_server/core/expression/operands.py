@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from oracle_server.core.expression.static import (
@@ -18,6 +19,8 @@ from oracle_server.core.expression.static import (
 )
 from oracle_server.core.expression.tree import Literal, Node
 from oracle_server.core.shapes import Many, Record, Value
+
+_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +78,24 @@ def boolean(mark: str, operand: Operand) -> str | None:
     elif isinstance(static, Record):
         mend = f"`{operand.text}.field == 1`"
     return f"{operand}, and `{mark}` takes what is true or false; write a comparison, such as {mend}"
+
+
+def compared(mark: str, one: Operand, other: Operand) -> str | None:
+    """What is wrong with a comparison of two values."""
+    return (equal if mark in ("==", "!=") else ordered)(mark, one, other)
+
+
+def by_letters(mark: str, one: Operand, other: Operand) -> Iterator[str]:
+    """What is said of an order with a number in quotes, which is one of texts."""
+    if mark in ("==", "!="):
+        return
+    for text, beside, mend in ((one, other, "{0} {1} double({2})"), (other, one, "double({2}) {1} {0}")):
+        value = text.node.value if isinstance(text.node, Literal) else None
+        if isinstance(value, str) and _NUMBER.fullmatch(value) and not isinstance(beside.node, Literal):
+            yield (
+                f"{text} is a text, and texts are compared letter by letter, where '10' comes before '9'; write "
+                f"`{mend.format(value, mark, beside.text)}` for numbers"
+            )
 
 
 def ordered(mark: str, one: Operand, other: Operand) -> str | None:

@@ -217,6 +217,22 @@ def test_a_comparison_that_can_come_to_either_is_not_warned_of(text: str) -> Non
 
 
 @pytest.mark.parametrize(
+    ("text", "mend"),
+    [
+        ("msg.mode < '20'", "double(msg.mode) < 20"),
+        ("'-1.5' <= msg.mode.trim()", "-1.5 <= double(msg.mode.trim())"),
+        ("msg.names.all(n, n > '5')", "double(n) > 5"),
+        ("msg.mode == '20' || msg.mode != '5'", ""),
+        ("msg.mode > 'B2' && msg.mode < '2.x'", ""),
+    ],
+)
+@pytest.mark.parametrize("shape", [SHAPE, None])
+def test_a_number_in_quotes_is_compared_letter_by_letter(text: str, mend: str, shape: Shape | None) -> None:
+    says = f"texts are compared letter by letter, where '10' comes before '9'; write `{mend}` for numbers"
+    assert [(p.severity, says in p.message) for p in found(text, shape)] == ([("warning", True)] if mend else [])
+
+
+@pytest.mark.parametrize(
     "text", ["'a' < 3", "msg", "msg[0] == 1", "[1, 2]", "msg.l.map(x, x)", "!7", "msg.l[-1]", "true + 1"]
 )
 def test_what_is_wrong_with_any_message_is_said_of_none(text: str) -> None:
