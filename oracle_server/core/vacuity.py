@@ -29,6 +29,7 @@ from oracle_server.core.formula.tree import (
     Formula,
     Historically,
     Implies,
+    Not,
     Once,
     Or,
     Position,
@@ -73,7 +74,7 @@ def doubts(prop: Property, where: Sequence[Place], effort: Effort) -> Iterator[D
     if prop.external or prop.numeric:
         return
     known, lenient = (Instants(prop.formula, where, value, effort) for value in (Place.value, _lenient))
-    seen = _Seen(prop, where, known, lenient)
+    seen = _Seen(prop, where, known, lenient, effort)
     yield from seen.doubts()
 
 
@@ -85,6 +86,7 @@ class _Seen:
     places: Sequence[Place]
     known: Instants
     lenient: Instants
+    effort: Effort
 
     def doubts(self) -> Iterator[Doubt]:
         quantified = list(decided(self.prop.formula, self.known, self.places))
@@ -123,6 +125,7 @@ class _Seen:
                 yield from elsewhere
         if not told | fitting:
             yield from self._partial()
+        yield from self._unending()
         yield from unjoined(self.prop.formula, self.places)
         yield from unrelated(self.prop.formula, self.places)
         yield from self._settled(told)
@@ -201,6 +204,22 @@ class _Seen:
         why = _lack(operand, failing)
         message = f"`{text}` is false at every event of {names_of(failing)}{why}, so that {effect}; write `{mend}`"
         yield Doubt("false", operand, message, _place(operand), tuple(p.name for p in failing))
+
+    def _unending(self) -> Iterator[Doubt]:
+        """What ends a `since`, and begins it anew at each event at which it does."""
+        for node in walk(self.prop.formula):
+            if not (isinstance(node, Since) and isinstance(node.left, Not)) or node.bound.lower:
+                continue
+            last, first = node.left.operand, node.right
+            again = Implies(last, first)
+            row = Instants(again, self.places, Place.value, self.effort).row(again)
+            if all(row) and any(value is not False for value in self.known.row(last)):
+                one, other = (render(part, self.prop.time) for part in (last, first))
+                message = (
+                    f"`{one}` ends nothing, since `{other}` holds at each of its events too, and begins anew; write "
+                    f"what begins without them, as in `{other} and not {one}`"
+                )
+                yield Doubt("idle", last, message, _place(last))
 
     def _partial(self) -> Iterator[Doubt]:
         """The whole formula, where it fails at every event of some streams for want of a signal."""

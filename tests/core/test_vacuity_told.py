@@ -343,3 +343,22 @@ def test_streams_that_are_alike_are_looked_at_once(monkeypatch: pytest.MonkeyPat
         numbers.append(len(looked))
         looked.clear()
     assert numbers[0] == numbers[1] > 0
+
+
+@pytest.mark.parametrize(
+    ("formula", "last"),
+    [
+        ('{cmd: 0} -> not {topic: "/battery", percent: 100} since {topic: "/battery"}',
+         '`{topic: "/battery", percent: 100}` ends nothing, since `{topic: "/battery"}` holds at each of its'),
+        ("{cmd: 0} -> not {cmd > 2} since[:5] {cmd > 1}", "`{cmd > 2}` ends nothing, since `{cmd > 1}` holds at each"),
+        ("forall[i]. {cmd: *i} -> not {id: *i} since {id: *}", "`{id: *i}` ends nothing, since `{id: *}` holds at"),
+        ('{cmd: 0} -> not {topic: "/battery"} since {topic: "/battery", percent: 100}', None),
+        ("{cmd: 0} -> not {cmd > 1} since {cmd > 2}", None),
+        ("{cmd: 0} -> not {cmd > 2} since[1:] {cmd > 1}", None),
+        ('{cmd: 0} -> not {topic: "/estop"} since {topic: "/battery"}', None),
+    ],
+)  # fmt: skip
+def test_what_begins_with_each_event_that_ends_it_is_told(formula: str, last: str | None) -> None:
+    found = [each.message for each in warnings(formula) if "ends nothing" in each.message]
+    assert len(found) == (last is not None)
+    assert all(last in each for each in found if last)

@@ -149,7 +149,7 @@ def test_silence_that_no_deadline_tells_is_told_of(prop: str, says: str) -> None
     "prop",
     [
         "pattern: 'while {mode: AUTO}: /n every 2s'",
-        "pattern: 'after /on until /on {on}: /n every 2s'",
+        "pattern: 'after /on {on: false} until /on {on}: /n every 2s'",
         "pattern: 'while {on}: at most 3 /n within 1s'",
         "time: seconds, formula: '{topic: /cmd} -> {a <= 2}'",
         "time: seconds, formula: '{mode: AUTO} -> {a <= 2}'",
