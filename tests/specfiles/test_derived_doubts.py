@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from oracle_server.core.errors import SpecError
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
 
@@ -311,3 +312,26 @@ def test_rows_that_are_counted_for_messages_are_told_of(prop: str, *, counts_row
     says = "it counts the rows of /tf, and not its messages, each of which has as many as its list"
     assert [each for each in found if says in each.message] == ([*found] if counts_rows else [])
     assert len(found) == counts_rows
+
+
+@pytest.mark.parametrize(
+    ("pattern", "mend"),
+    [
+        ("/pay {user: *u} every 5s", "{age: '{…}', forget: 1h, by: user}"),
+        ("at most 3 /pay {user: *u} within 5s", "{count: '{…}', over: 5s, by: user}"),
+        ("/pay {user: *u} at least 2 Hz over 5s", "{rate: '{…}', over: 5s, by: user}"),
+        ("forall[u]. after /pay {user: *u}: /pay {user: *u} every 5s", "{age: '{…}', forget: 1h, by: user}"),
+        ("forall[u]. after /pay {user: *u}: /n every 5s", None),
+        ("/pay {user: *} every 5s", None),
+    ],
+)
+def test_a_variable_in_what_is_measured_is_told_of(pattern: str, mend: str | None) -> None:
+    found = [each for each in told(f"properties: [{{id: p, pattern: '{pattern}'}}]\n") if "for all values" in each]
+    assert len(found) == (mend is not None)
+    assert all(f"as in `often: {mend}`" in each for each in found)
+
+
+def test_a_variable_that_only_what_is_measured_has_is_refused_with_the_mend() -> None:
+    text = f"{STREAMS}properties: [{{id: p, pattern: 'forall[u]. /pay {{user: *u}} every 5s'}}]\n"
+    with pytest.raises(SpecError, match="measured for all values of `u` together; to tell it of each, write it under"):
+        parse_spec(text, "s.yaml", types=TYPES)

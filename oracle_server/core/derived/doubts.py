@@ -13,6 +13,7 @@ from math import ceil
 from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import OPS, Definition
 from oracle_server.core.derived.machinery import KeyPath, placed
+from oracle_server.core.derived.words import for_each
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.expression import check_shape, tokens, tree
 from oracle_server.core.formula.render import render
@@ -53,6 +54,8 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield replace(_warning(definition, path, message, None), kind="unjudged")
         for message, at_part in _with_itself(definition, where) if definition.op == "expression" else ():
             yield _warning(definition, path, message, at_part)
+        for message, variable_at in for_each(definition):
+            yield _warning(definition, path, message, variable_at)
         for message in _of_rows(definition, where):
             yield _warning(definition, path, message, None)
         if definition.op == "follows":

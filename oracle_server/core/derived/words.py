@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from oracle_server.core.derived.counts import Count
 from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
@@ -12,6 +12,7 @@ from oracle_server.core.derived.machinewords import machine_described, machine_t
 from oracle_server.core.derived.sums import Sum
 from oracle_server.core.derived.window import Series, Window
 from oracle_server.core.events import Signals
+from oracle_server.core.formula.tree import Position
 from oracle_server.core.naming import value_text
 from oracle_server.core.units import counted, span
 
@@ -97,3 +98,16 @@ def _window(definition: Definition) -> str:
 
 def _no_room() -> str:
     return f"the windows of the session have more than {MAX_SAMPLES:,} samples"
+
+
+def for_each(definition: Definition) -> Iterator[tuple[str, Position]]:
+    """What is said of the variables in what is measured, which stand for any value, each with its place."""
+    for atom in definition.tested:
+        for key, variable in atom.refs:
+            kept = "forget: 1h" if definition.over is None else f"over: {span(definition.over)}"
+            yield (
+                f"how often something comes is measured for all values of `{variable}` together; to tell it of each, "
+                f"write it under `derive`, as in `often: {{{definition.op}: '{{…}}', {kept}, by: {key}}}`, and compare "
+                "`often` in a formula, with `time: seconds`",
+                atom.at,
+            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from oracle_server.core.derived.words import for_each
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import looks_ahead
@@ -92,6 +93,10 @@ def _quantified(reader: Reader, bound: Bound) -> Formula:
             reader.refuse("a `.` stands behind the variables, as in `forall[g]. …`")
         bound_by += [(name, place(reader.text, word.start)) for name in variables]
     formula = _scoped(reader, bound)
+    used = {name for atom in tree.atoms(formula) for _, name in atom.refs}
+    for measure in reader.measures if any(name not in used for name, _ in bound_by) else ():
+        for message, variable_at in for_each(measure):
+            raise FormulaError(message, *variable_at)
     for name, at in reversed(bound_by):
         formula = tree.Forall(name, formula, at)
     return formula
