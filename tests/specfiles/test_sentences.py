@@ -75,6 +75,8 @@ def refusal_of(line: str) -> str:
          '{level < 20} or {mode: "AUTO"} -> {docked} -> {level < 20} -> {mode: "AUTO"}'),
         ("requirement: robot shall always satisfy (if low => auto then docking) & !(if low then auto)", "steps",
          '(({level < 20} -> {mode: "AUTO"}) -> {docked}) and not ({level < 20} -> {mode: "AUTO"})'),
+        ("requirement: if low, the robot shall, within 200 secs, satisfy docking", "seconds",
+         "{level < 20} and not pre {level < 20} -> eventually[:200s] {docked}"),
         ("requirement: if (if low then auto), then the robot shall immediately satisfy docking", "steps",
          '({level < 20} -> {mode: "AUTO"}) and not pre ({level < 20} -> {mode: "AUTO"}) -> {docked}'),
     ],
@@ -221,7 +223,8 @@ def test_too_many_are_too_many_from_the_first_message_on() -> None:
         ("30s", "[:30s]"), ("30 s", "[:30s]"), ("2min", "[:120s]"), ("1h", "[:3600s]"), ("5us", "[:5us]"),
         ("1 second", "[:1s]"), ("30 Seconds", "[:30s]"), ("500 milliseconds", "[:500ms]"), ("2 minutes", "[:120s]"),
         ("1 hour", "[:3600s]"), ("3 microseconds", "[:3us]"), ("5 ticks", "[:5]"), ("5 m", "write `5min`"),
-        ("5m", "`m` is no unit of time: write `5min`"), ("5 sec", "write `5s`"), ("5 MS", "write `5ms`"),
+        ("5m", "`m` is no unit of time: write `5min`"), ("5 sec", "[:5s]"), ("200 secs", "[:200s]"),
+        ("5 Millisecs", "[:5ms]"), ("5 MS", "write `5ms`"),
         ("5 millis", "write `5ms`"), ("5 days", "write `5s`, `5ms` or `5 steps`"), ("5", "a unit is missing"),
     ],
 )  # fmt: skip

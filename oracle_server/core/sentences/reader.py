@@ -25,6 +25,7 @@ MOST_NESTED = 40
 _MOST_SHOWN = 120
 _WORDS = {
     "nanosecond": "ns", "microsecond": "us", "millisecond": "ms", "second": "s", "minute": "min", "hour": "h",
+    "microsec": "us", "millisec": "ms", "sec": "s",
 }  # fmt: skip
 """The units of time in words, which FRETish has in any case, and of one or of several."""
 

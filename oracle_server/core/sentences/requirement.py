@@ -116,6 +116,7 @@ def _component(reader: Reader) -> None:
 
 
 def _timing(reader: Reader, asked: _Asked) -> Formula:
+    reader.word(",")
     for phrase, read in _PHRASES.items():
         if reader.phrase(*phrase.split()):
             found = read(reader, asked)
