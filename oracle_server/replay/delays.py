@@ -40,6 +40,7 @@ class Delays:
     def __init__(self, spec: Spec) -> None:
         """Begin with nothing judged."""
         self._ordered = {stream.key for stream in spec.streams if stream.ordered}
+        self._stamps = {s.key: s.stamp for s in spec.streams if s.stamp and s.stamp.unit and s.stamp.epoch == "unix"}
         self._events: Counter[StreamKey] = Counter()
         self._late, self._placed, self._skewed, self._overtaken = (_Displaced() for _ in range(4))
         self._present = self._deadline = 0
@@ -74,11 +75,19 @@ class Delays:
                 if count:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
-                    if found is self._overtaken and found.most[stream] > DAY:
-                        text += "; a simulation is recorded in its own time, as by `ros2 bag record --use-sim-time`"
+                    text += self._own_time(stream, found) if found.most[stream] > DAY else ""
                     yield Note(text, doubt=count > max(_HANDFUL, events // 2))
             count = self._placed.count[stream]
             if count:
                 most = self._placed.most[stream]  # 0 where only a deadline was judged before
                 by = f", up to {most / SECOND:.6g} s {_LATE[1]}" if most else ""
                 yield Note(f"{stream}: {part_of(count, events)} late{by}; what was said without that was put right")
+
+    def _own_time(self, stream: StreamKey, found: _Displaced) -> str:
+        """What to do where a stream's stamps and its arrivals are those of two clocks."""
+        if stream in self._stamps and found is not self._skewed:
+            where = self._stamps[stream].field
+            return f"; where `{where}` counts since the robot's start, as PX4's do, its `stamp` takes `epoch: boot`"
+        if found is self._overtaken:
+            return "; a simulation is recorded in its own time, as by `ros2 bag record --use-sim-time`"
+        return ""

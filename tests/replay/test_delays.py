@@ -125,3 +125,25 @@ def test_messages_that_came_after_a_deadline_that_they_were_in_time_for_are_said
     assert (found.exit, found.summary["violations"]) == ((1, 10) if said else (0, 0))
     assert said in found.said
     assert len(found.summary["notes"]) == bool(said)
+
+
+@pytest.mark.parametrize(("epoch", "said"), [("unix", True), ("boot", False)])
+@pytest.mark.parametrize("beside", [True, False])
+def test_stamps_since_the_robots_start_are_said_with_their_mend(
+    epoch: str, tmp_path: Path, *, beside: bool, said: bool
+) -> None:
+    """Late beside a stream that has the time of day, and overtaken by a deadline where there is no other stream."""
+    path = tmp_path / "trace.jsonl"
+    lines = [
+        {"stream": "/status", "arrived": BASE + n * 1000 * MS, "data": {"timestamp": 60_000_000 + n * 1_000_000}}
+        for n in range(10)
+    ]
+    lines += [{"stream": "/cmd", "arrived": BASE + (n * 1000 + 500) * MS, "data": {}} for n in range(10 * beside)]
+    lines.sort(key=lambda line: str(line["arrived"]))
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    spec = (
+        f"id: px4\nstreams:\n  - {{topic: /status, stamp: {{field: timestamp, unit: us, epoch: {epoch}}}}}\n"
+        "  - {topic: /cmd}\nproperties: [{id: p, pattern: '/status every 2s'}]\n"
+    )
+    mend = "; where `timestamp` counts since the robot's start, as PX4's do, its `stamp` takes `epoch: boot`"
+    assert (mend in judge(write_spec(tmp_path, spec), path).said) is said
