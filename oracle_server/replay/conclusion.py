@@ -127,6 +127,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
     yield from _incomparable(replay, coverage)
     yield from _too_short(replay)
     yield from replay.spelling.doubts()
+    yield from replay.fields.doubts()
     yield from replay.lacking.doubts()
     yield from replay.units.doubts()
     yield from replay.leaps.doubts()

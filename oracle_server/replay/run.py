@@ -33,7 +33,7 @@ from oracle_server.replay.lastdeadline import LastDeadline
 from oracle_server.replay.leaps import Leaps
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 from oracle_server.replay.settling import Handling, Settling
-from oracle_server.replay.spelling import Spelling
+from oracle_server.replay.spelling import FieldSpelling, Spelling
 from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
@@ -76,7 +76,7 @@ class Replay:
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
         ready = plan(spec)
-        self.lacking, self.spelling = Lacking(ready, types), Spelling(spec)
+        self.lacking, self.spelling, self.fields = Lacking(ready, types), Spelling(spec), FieldSpelling(spec)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
@@ -218,6 +218,7 @@ class Replay:
                 self.events += 1
             self._last = event.monitor, event.seq
             self.lacking.look(recorded)
+            self.fields.look(event.stream, event.data)
             if self.recording.clocked:
                 self.units.look(recorded)
         if recorded.passed is not None:

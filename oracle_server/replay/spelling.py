@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from oracle_server.core.events import StreamKey
-from oracle_server.core.formula.tree import Atom, Scalar
+from oracle_server.core.expression import Expression, tree
+from oracle_server.core.formula.tree import Atom, Constraint, Scalar
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.plan import can_meet
 from oracle_server.core.spec import Spec
@@ -75,6 +76,54 @@ class Spelling:
         return f" of {' and '.join(map(str, sources))}" if others else ""
 
 
+class FieldSpelling:
+    """The same of the fields of messages that expressions compare with texts, as in `msg.data == 'AUTO'`."""
+
+    def __init__(self, spec: Spec) -> None:
+        """Begin with nothing seen; the expressions must be sound."""
+        self._asked: dict[StreamKey, dict[tuple[str, ...], dict[str, str]]] = {}
+        """By stream and field the texts that it is compared with, each with the signal that does."""
+        for stream in spec.streams:
+            for name, text in (stream.signals or {}).items():
+                for path, wanted in _compared_in(stream.read(text)):
+                    self._asked.setdefault(stream.key, {}).setdefault(path, {}).setdefault(wanted, name)
+        self._seen: dict[tuple[StreamKey, tuple[str, ...]], set[str]] = {}
+
+    def look(self, stream: StreamKey, message: object) -> None:
+        """Look at a message; one that is not there, as in a session's own trace, tells nothing."""
+        for path, texts in self._asked.get(stream, {}).items():
+            value = message
+            for name in path:
+                value = value.get(name) if isinstance(value, Mapping) else None
+            if isinstance(value, str) and any(_plain(value) == _plain(text) for text in texts):
+                self._seen.setdefault((stream, path), set()).add(value)
+
+    def doubts(self) -> Iterator[str]:
+        """What is to be said, a line each."""
+        for (stream, path), seen in self._seen.items():
+            texts = self._asked[stream][path]
+            if seen & texts.keys():
+                continue
+            for text, name in texts.items():
+                had = " or ".join(f'"{value}"' for value in sorted(seen)[:3] if _plain(value) == _plain(text))
+                field = ".".join(("msg", *path))
+                if had:
+                    what = f'compares {field} with "{text}", which it never was: it was {had}'
+                    yield f"{stream}: the signal {name} {what}"
+
+
+def _compared_in(expression: Expression) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The fields of the message that an expression compares with texts that are written out, with these."""
+    for node in tree.walk(expression.tree):
+        if not isinstance(node, tree.Compare) or node.mark not in ("==", "!=", "in"):
+            continue
+        for field, other in ((node.left, node.right), (node.right, node.left)):
+            texts = other.items if isinstance(other, tree.ListOf) else (other,)
+            for text in texts if isinstance(field, tree.Path) else ():
+                if isinstance(text, tree.Literal) and isinstance(text.value, str) and isinstance(field, tree.Path):
+                    yield field.names, text.value
+
+
 def _sources(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: _Asked) -> list[StreamKey]:
     """The streams that have a signal which an atom reads at their events, or at others' since they hold it."""
     return [
@@ -87,7 +136,9 @@ def _sources(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: _Asked
 def _readers(spec: Spec) -> Iterator[tuple[str, tuple[Atom, ...]]]:
     """The properties and derived signals, by name, each with the atoms that it reads."""
     yield from ((prop.id, prop.atoms) for prop in spec.properties if not prop.external)
-    yield from ((definition.name, definition.tested) for definition in spec.derive)
+    for each in spec.derive:
+        compared = _compared_in(each.expression) if each.op == "expression" else ()
+        yield each.name, (*each.tested, *(Atom((Constraint(path[0], "==", text),)) for path, text in compared))
 
 
 def _texts(atoms: Iterable[Atom]) -> Iterator[tuple[str, str, Atom]]:

@@ -46,3 +46,40 @@ def test_a_text_is_looked_for_where_its_atom_asks_for_it(
     told = [text for text in found.summary["doubts"] if "which it never was" in text]
     assert len(told) == (said is not None)
     assert (said or "") in "".join(told)
+
+
+@pytest.mark.parametrize(
+    ("expression", "sent", "said"),
+    [
+        ("msg.mode == 'AUTO'", "auto", 'compares msg.mode with "AUTO", which it never was: it was "auto"'),
+        ("msg.mode != 'AUTO'", " Auto", 'compares msg.mode with "AUTO", which it never was: it was " Auto"'),
+        ("'map' == msg.mode", "/map", 'compares msg.mode with "map", which it never was: it was "/map"'),
+        ("msg.mode in ['AUTO', 'IDLE'] ? 1 : 2", "idle", 'compares msg.mode with "IDLE"'),
+        ("msg.mode == 'AUTO' || msg.mode == 'auto'", "auto", ""),
+        ("msg.mode.lower() == 'auto'", "AUTO", ""),
+        ("msg.mode == 'AUTO'", "FAULT", ""),
+    ],
+)
+def test_a_text_that_an_expression_spells_otherwise_is_said(
+    expression: str, sent: str, said: str, tmp_path: Path
+) -> None:
+    signals = f"    signals:\n      on: |\n        {expression}\n"
+    prop = "properties: [{id: p, formula: '{on: *} -> once {topic: /mode}'}]\n"
+    spec = write_spec(tmp_path, f"id: a\nstreams:\n  - topic: /mode\n{signals}{prop}")
+    path = tmp_path / "trace.jsonl"
+    lines = [{"stream": "/mode", "stamp": n, "arrived": n, "data": {"mode": sent}} for n in (1, 2)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found = judge(spec, path)
+    assert (found.exit, found.strict) == (0, 3 if said else 0)
+    assert f"/mode: the signal on {said}" in found.said if said else not found.said
+
+
+def test_a_text_that_a_derived_expression_spells_otherwise_is_said(tmp_path: Path) -> None:
+    text = SPEC.replace("properties:", "derive: {on: \"state == 'Auto' || x > 3\"}\nproperties:").replace(
+        "HELD", "state"
+    )
+    path = tmp_path / "log.jsonl"
+    lines = [{"topic": "/b", "time": 2, "data": "AUTO"}, {"topic": "/c", "time": 3, "x": 1}]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found = judge(write_spec(tmp_path, text.replace("FORMULA", "not {on}")), path)
+    assert 'on compares state with "Auto", which it never was: it was "AUTO"' in found.said
