@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import Expression, tree
+from oracle_server.core.expression.static import NOT_FINITE
 from oracle_server.core.formula.tree import Atom, Constraint, Scalar
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.plan import can_meet
+from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Spec
-from oracle_server.replay.coverage import signal_names
+from oracle_server.replay.coverage import kind_of, signal_names
 
+_Path = tuple[str, ...]
 _SPACES = str.maketrans("- ", "__")
 
 
@@ -77,51 +81,65 @@ class Spelling:
 
 
 class FieldSpelling:
-    """The same of the fields of messages that expressions compare with texts, as in `msg.data == 'AUTO'`."""
+    """The same of the fields of messages that expressions compare with values, as in `msg.data == 'AUTO'`."""
 
     def __init__(self, spec: Spec) -> None:
         """Begin with nothing seen; the expressions must be sound."""
-        self._asked: dict[StreamKey, dict[tuple[str, ...], dict[str, str]]] = {}
-        """By stream and field the texts that it is compared with, each with the signal that does."""
+        self._asked: dict[tuple[StreamKey, _Path], list[tuple[Scalar, str]]] = {}
+        """By stream and field the values that it is compared with, each with the signal that does."""
         for stream in spec.streams:
             for name, text in (stream.signals or {}).items():
                 for path, wanted in _compared_in(stream.read(text)):
-                    self._asked.setdefault(stream.key, {}).setdefault(path, {}).setdefault(wanted, name)
-        self._seen: dict[tuple[StreamKey, tuple[str, ...]], set[str]] = {}
+                    self._asked.setdefault((stream.key, path), []).append((wanted, name))
+        self._paths: dict[StreamKey, list[_Path]] = {}
+        for key, path in self._asked:
+            self._paths.setdefault(key, []).append(path)
+        self._texts: dict[tuple[StreamKey, _Path], set[str]] = {key: set() for key in self._asked}
+        self._kinds: dict[tuple[StreamKey, _Path], set[ValueKind]] = {key: set() for key in self._asked}
+        """What was seen: texts that are like those that are asked for, and of which kinds all values were."""
 
     def look(self, stream: StreamKey, message: object) -> None:
         """Look at a message; one that is not there, as in a session's own trace, tells nothing."""
-        for path, texts in self._asked.get(stream, {}).items():
+        for path in self._paths.get(stream, ()):
             value = message
             for name in path:
                 value = value.get(name) if isinstance(value, Mapping) else None
-            if isinstance(value, str) and any(_plain(value) == _plain(text) for text in texts):
-                self._seen.setdefault((stream, path), set()).add(value)
+            kind = "number" if isinstance(value, str) and value in NOT_FINITE else kind_of(value)
+            if kind is not None:
+                self._kinds[stream, path].add(kind)
+            if isinstance(value, str) and any(_alike(value, wanted) for wanted, _ in self._asked[stream, path]):
+                self._texts[stream, path].add(value)
 
     def doubts(self) -> Iterator[str]:
         """What is to be said, a line each."""
-        for (stream, path), seen in self._seen.items():
-            texts = self._asked[stream][path]
-            if seen & texts.keys():
-                continue
-            for text, name in texts.items():
-                had = " or ".join(f'"{value}"' for value in sorted(seen)[:3] if _plain(value) == _plain(text))
-                field = ".".join(("msg", *path))
-                if had:
-                    what = f'compares {field} with "{text}", which it never was: it was {had}'
-                    yield f"{stream}: the signal {name} {what}"
+        for (stream, path), asked in self._asked.items():
+            seen, kinds, field = self._texts[stream, path], self._kinds[stream, path], ".".join(("msg", *path))
+            if kinds and kinds.isdisjoint(kind_of(wanted) for wanted, _ in asked):
+                was, (wanted, name) = " or a ".join(sorted(kinds)), asked[0]
+                what = f"with {json.dumps(wanted, ensure_ascii=False)}, and it was always a {was}"
+                yield f"{stream}: the signal {name} compares {field} {what}"
+            elif not seen.intersection(wanted for wanted, _ in asked if isinstance(wanted, str)):
+                for wanted, name in asked:
+                    had = " or ".join(f'"{value}"' for value in sorted(seen)[:3] if _alike(value, wanted))
+                    what = f'compares {field} with "{wanted}", which it never was: it was {had}'
+                    yield from [f"{stream}: the signal {name} {what}"] if had else []
 
 
-def _compared_in(expression: Expression) -> Iterator[tuple[tuple[str, ...], str]]:
-    """The fields of the message that an expression compares with texts that are written out, with these."""
+def _compared_in(expression: Expression) -> Iterator[tuple[_Path, Scalar]]:
+    """The fields of the message that an expression compares with values that are written out, with these."""
     for node in tree.walk(expression.tree):
         if not isinstance(node, tree.Compare) or node.mark not in ("==", "!=", "in"):
             continue
         for field, other in ((node.left, node.right), (node.right, node.left)):
-            texts = other.items if isinstance(other, tree.ListOf) else (other,)
-            for text in texts if isinstance(field, tree.Path) else ():
-                if isinstance(text, tree.Literal) and isinstance(text.value, str) and isinstance(field, tree.Path):
-                    yield field.names, text.value
+            values = other.items if isinstance(other, tree.ListOf) else (other,)
+            for each in values if isinstance(field, tree.Path) else ():
+                literal = each.value if isinstance(each, tree.Literal) else None
+                if isinstance(field, tree.Path) and literal is not None and literal not in NOT_FINITE:
+                    yield field.names, literal
+
+
+def _alike(value: str, wanted: Scalar) -> bool:
+    return isinstance(wanted, str) and _plain(value) == _plain(wanted)
 
 
 def _sources(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: _Asked) -> list[StreamKey]:

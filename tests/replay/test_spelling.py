@@ -51,6 +51,13 @@ def test_a_text_is_looked_for_where_its_atom_asks_for_it(
 @pytest.mark.parametrize(
     ("expression", "sent", "said"),
     [
+        ("msg.mode == 'ARMED'", 2, 'compares msg.mode with "ARMED", and it was always a number'),
+        ("msg.mode == 51", "51", "compares msg.mode with 51, and it was always a text"),
+        ("msg.mode == 1", True, "compares msg.mode with 1, and it was always a boolean"),
+        ("msg.mode in [1, 'ARMED']", 1, ""),
+        ("msg.mode != 'NaN' && msg.mode == 3", "NaN", ""),
+        ("msg.mode != 'NaN'", 7.5, ""),
+        ("msg.mode == 'AUTO'", None, ""),
         ("msg.mode == 'AUTO'", "auto", 'compares msg.mode with "AUTO", which it never was: it was "auto"'),
         ("msg.mode != 'AUTO'", " Auto", 'compares msg.mode with "AUTO", which it never was: it was " Auto"'),
         ("'map' == msg.mode", "/map", 'compares msg.mode with "map", which it never was: it was "/map"'),
@@ -61,7 +68,7 @@ def test_a_text_is_looked_for_where_its_atom_asks_for_it(
     ],
 )
 def test_a_text_that_an_expression_spells_otherwise_is_said(
-    expression: str, sent: str, said: str, tmp_path: Path
+    expression: str, sent: object, said: str, tmp_path: Path
 ) -> None:
     signals = f"    signals:\n      on: |\n        {expression}\n"
     prop = "properties: [{id: p, formula: '{on: *} -> once {topic: /mode}'}]\n"
