@@ -43,6 +43,18 @@ class SilentClock:
         return "time stands at 0, so no deadline runs out: /clock is silent, or paused"
 
 
+def wall_doubt(tellers: Iterable[str], instead: str) -> str:
+    """What may be wrong where a node runs by the wall clock, and these publish `/clock`.
+
+    Empty for nothing. `instead`: what to do where the robot runs by that time.
+    """
+    nodes = ", ".join(sorted(set(tellers)))
+    if not nodes:
+        return ""
+    told = f"/clock is published by {nodes}, and the adapter runs by the wall clock"
+    return f"{told}: where the robot runs by /clock, {instead}"
+
+
 class TornClock:
     """Whether simulated time has gone back while several nodes tell it.
 

@@ -7,12 +7,12 @@ from typing import List, Optional
 
 import rospy
 from oracle_adapter import Attached, Board, ClockStamp, Link, Names
-from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock
+from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock, wall_doubt
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
-from oracle_ros1.observed import deafen
+from oracle_ros1.observed import deafen, headers
 from oracle_ros1.parts import Part, make_part, names_on_graph
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import on_back, simulated_now, wall_now
@@ -21,6 +21,8 @@ CLOCK_PERIOD = 0.01
 """Seconds between two turns."""
 LOOK_EVERY = 5
 """Turns between two looks at the publishers, and two of the diagnostics."""
+BY_CLOCK = "set the parameter /use_sim_time to true, and start the adapter again"
+"""How to run by simulated time."""
 
 
 class Monitor:
@@ -37,6 +39,7 @@ class Monitor:
         self._now = now = simulated_now if simulated else wall_now
         self._graph = Graph()
         self._clocks, self._silent = Clocks(now), SilentClock(now)
+        self._torn = TornClock()
         shared = Shared(link, board, names, now, self._graph, self._clocks)
         self._parts: List[Part] = []
         self._jumps: Optional[rospy.Subscriber] = None
@@ -44,7 +47,7 @@ class Monitor:
             for interface in interfaces_of(attached.streams):
                 self._parts.append(make_part(shared, interface))
             if simulated:
-                self._jumps = on_back(lambda: link.renew(self._stamps))
+                self._jumps = on_back(self._renew)
         except BaseException:  # the parts that are there would forward on, by policy where the link has ended
             self.stop()
             raise
@@ -85,16 +88,31 @@ class Monitor:
 
     def _look(self) -> None:
         """Report the streams' state."""
-        if self._jumps is not None:
-            self._board.trouble(SIMULATED, self._silent.look())
+        time_doubt = self._look_at_time()
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
-            trouble = "; ".join(filter(None, (trouble, part.doubt)))
+            by_field = any(stream.time_source == "field" for stream in part.streams)
+            trouble = "; ".join(filter(None, (trouble, part.doubt, time_doubt if by_field else "")))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
             for stream in part.streams:
                 self._link.report(stream.name, stream.kind, time_source=stream.time_source)
         self._board.tick(self._link.stats())
+
+    def _look_at_time(self) -> str:
+        """Show what is wrong with the time; what may be wrong with stamps of others, empty for nothing."""
+        if self._jumps is None:
+            doubt = wall_doubt(self._graph.publishers(rospy.resolve_name("/clock")), BY_CLOCK)
+            self._board.trouble(SIMULATED, "", doubt)
+            return doubt
+        tellers = {str(header.get("callerid")) for header in headers(self._jumps)}
+        self._board.trouble(SIMULATED, self._silent.look() or self._torn.look(sorted(tellers)))
+        return ""
+
+    def _renew(self) -> None:
+        """Go on in another session, as simulated time goes back."""
+        self._torn.goes_back()
+        self._link.renew(self._stamps)
 
     def _stamps(self) -> List[ClockStamp]:
         return self._clocks.readings(self._now())

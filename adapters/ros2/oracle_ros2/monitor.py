@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
-from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock
+from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock, wall_doubt
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 from oracle_ros2.endpoints import full_name
 from oracle_ros2.parts import make_part, names_on_graph
 from oracle_ros2.shared import Shared
-from oracle_ros2.stamps import on_back, simulated, time_of, wall_doubt
+from oracle_ros2.stamps import on_back, simulated, time_of
 
 if TYPE_CHECKING:
     from oracle_adapter import Attached, Board, Link, Names
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 CLOCK_PERIOD = 0.01
 LOOK_PERIOD = 0.5
 SHOW_PERIOD = 0.1
+BY_CLOCK = "start the adapter with --ros-args -p use_sim_time:=true"
+"""How to run by simulated time."""
 
 
 class Monitor:
@@ -80,7 +82,7 @@ class Monitor:
 
     def _look(self) -> None:
         tellers = [full_name(info) for info in self._node.get_publishers_info_by_topic("/clock")]
-        time_doubt = wall_doubt(tellers) if self._watch is None else ""
+        time_doubt = wall_doubt(tellers, BY_CLOCK) if self._watch is None else ""
         time_trouble = self._silent.look() or self._torn.look(tellers)
         self._board.trouble(SIMULATED, time_trouble, time_doubt)
         for part in self._parts:

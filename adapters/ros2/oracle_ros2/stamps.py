@@ -21,14 +21,6 @@ def simulated(node: Node) -> bool:
     return bool(node.get_parameter("use_sim_time").value)
 
 
-def wall_doubt(tellers: Sequence[str]) -> str:
-    """What may be wrong where a node runs by the wall clock, and these publish `/clock`; empty for nothing."""
-    if not tellers:
-        return ""
-    told = f"/clock is published by {', '.join(sorted(set(tellers)))}, and the adapter runs by the wall clock"
-    return f"{told}: where the robot runs by /clock, start the adapter with --ros-args -p use_sim_time:=true"
-
-
 def time_of(node: Node) -> Callable[[], int]:
     """A function that returns the time by which a node's messages are stamped, in nanoseconds."""
     if not simulated(node):
