@@ -25,6 +25,7 @@ from oracle_ros1.actiontopics import ActionTopics
 from oracle_ros1.codec import write
 from oracle_ros1.definitions import lookup_installed
 from oracle_ros1.shared import Shared
+from oracle_ros1.unserved import UnservedAction
 
 UNDERWAY = 0.2
 """Seconds that an answer may take to its client."""
@@ -32,8 +33,6 @@ UNDERWAY = 0.2
 
 class ProxiedAction:
     """Serves an action under the proxy's name, and is a client of its server."""
-
-    doubt = ""
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
@@ -43,6 +42,9 @@ class ProxiedAction:
         self.streams = list(self._events.streams.values())
         self.bypass = ""
         """Who publishes past the monitor what it gives."""
+        self.doubt = ""
+        """That nobody has served it so far, as of the last look."""
+        self._unserved = UnservedAction(shared.graph, shared.names[action.name])
         self._types = self._events.types
         self._denied: Mapping[str, Any] = first.get("denied_result") or {}
         write(self._types.inner["result"](), self._denied, lookup_installed)
@@ -80,6 +82,7 @@ class ProxiedAction:
         """What is wrong; goals that wait for the server, and results that wait for feedback, go on."""
         self._goals.look()
         self._behind.catch_up()
+        self.doubt = self._unserved.look()
         past = [text for topic in self._topics.given.values() for text in self._graph.past(topic)]
         self.bypass = "; ".join(past)
         troubles = [*self._events.troubles(self._topics.subscribers), *past, self._goals.trouble]

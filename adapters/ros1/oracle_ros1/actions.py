@@ -7,15 +7,14 @@ from typing import Callable, Dict, Iterable, List, Mapping, Optional
 
 import rospy
 from oracle_adapter.interfaces import Interface
-from oracle_adapter.unpublished import Unpublished
 
 from oracle_ros1.actionevents import ActionEvents, Event
 from oracle_ros1.actionstatus import Statuses
 from oracle_ros1.observed import deafen, headers
 from oracle_ros1.shared import Shared
+from oracle_ros1.unserved import UnservedAction
 
 Take = Callable[[rospy.AnyMsg], None]
-_STATUS = "/status"
 
 
 def subscribed(take: Mapping[str, Take], name: Callable[[str], str]) -> Dict[str, rospy.Subscriber]:
@@ -39,10 +38,11 @@ class LoggedAction:
 
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Observe at once. Raises `CodecError`."""
-        self._graph, self._name = shared.graph, rospy.resolve_name(shared.names[action.name])
-        self._silence = Unpublished(self._name, does="serves")
+        self._unserved = UnservedAction(shared.graph, shared.names[action.name])
         self._events, self._statuses = ActionEvents(shared, action, proxied=False), Statuses()
         self.streams = list(self._events.streams.values())
+        self.doubt = ""
+        """That nobody has served it so far, as of the last look."""
         take: Dict[str, Take] = {
             "goal": self._take_goal,
             "cancel": self._take_cancel,
@@ -57,18 +57,8 @@ class LoggedAction:
 
     def look(self) -> str:
         """What is wrong."""
-        if self._graph.answers:  # else nobody knows
-            self._silence.look(lambda: self._name in self._served(), self._served)
+        self.doubt = self._unserved.look()
         return "; ".join(self._events.troubles(self._subscribers))
-
-    @property
-    def doubt(self) -> str:
-        """That nobody has served it so far, as of the last look."""
-        return self._silence.text
-
-    def _served(self) -> List[str]:
-        """The actions that other nodes serve: those of which they publish the status."""
-        return [topic[: -len(_STATUS)] for topic in self._graph.published() if topic.endswith(_STATUS)]
 
     def stop(self) -> None:
         """Take no more."""

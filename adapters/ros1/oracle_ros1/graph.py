@@ -153,6 +153,14 @@ class Graph:
         own = rospy.get_name()
         return [topic for topic, nodes in self._publishers.items() if set(nodes) - {own}]
 
+    def is_served(self, service: str) -> bool:
+        """Whether another node served a service when the master was last asked."""
+        return any(node != rospy.get_name() for node in (self._servers or {}).get(service, ()))
+
+    def served(self) -> List[str]:
+        """The services that other nodes served when the master was last asked, but those that every node has."""
+        return [name for name in self._servers or () if self.is_served(name) and not name.endswith(SERVICES)]
+
     def is_monitor(self, node: str) -> bool:
         """Whether a node is a monitor.
 

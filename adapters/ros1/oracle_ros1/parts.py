@@ -51,7 +51,7 @@ class Part(Protocol):
 
     @property
     def doubt(self) -> str:
-        """What may be wrong with a topic, or an action that is only observed, as of the last look; else empty."""
+        """What may be wrong, as of the last look; empty for nothing."""
 
     def look(self) -> str:
         """What is wrong, empty for nothing; to be called from time to time."""

@@ -15,6 +15,7 @@ from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import misplaced, stamp_reader
+from oracle_ros1.unserved import UnservedService
 
 
 def _as_sent(service_type: Any) -> Any:
@@ -41,8 +42,6 @@ class ProxiedService:
     A call that is denied, or that the service fails, is an error at the client: ROS 1 has errors of services.
     """
 
-    doubt = ""
-
     def __init__(self, shared: Shared, service: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
         self._link, self._now, self._graph, self._name = shared.link, shared.now, shared.graph, service.name
@@ -53,14 +52,18 @@ class ProxiedService:
         self.streams = [self._request, self._response]
         self.bypass = ""
         """Why calls did not reach the proxy at the last look."""
+        self.doubt = ""
+        """That nobody has served it so far, as of the last look."""
         self._calls = call_numbers()
         self._stopped = False
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
+        self._unserved = UnservedService(shared.graph, self._served)
         self._service = rospy.Service(self._proxy, self._type, self._serve)
 
     def look(self) -> str:
         """Why calls do not reach the proxy, and what the service's type lacks; empty where all is well."""
         self.bypass = self._graph.not_serving(self._proxy)
+        self.doubt = self._unserved.look()
         return "; ".join(filter(None, (self.bypass, self._request.lacking, self._response.lacking)))
 
     def stop(self) -> None:
