@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from io import BytesIO
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Self
 
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
+from tests.processes import eventually
 from tests.robot import SWITCH, spec_folder
 from tests.ros1.harness import Scene
 
@@ -51,6 +53,31 @@ class Calling(SetBool):  # type: ignore[misc]
     _request_class, _response_class = TwiceTrue, AsItCame
 
 
+class Torn(SetBoolRequest):  # type: ignore[misc]
+    """A request that ends before its Boolean."""
+
+    def serialize(self, buffer: BytesIO) -> None:
+        pass
+
+
+class TornAnswer(SetBoolResponse):  # type: ignore[misc]
+    """A response that ends within its text."""
+
+    def serialize(self, buffer: BytesIO) -> None:
+        buffer.write(b"\x01\x04\0")
+
+
+class CallingTorn(SetBool):  # type: ignore[misc]
+    _request_class = Torn
+
+
+ANSWERS = chain([TornAnswer()], repeat(SetBoolResponse(success=True)))
+
+
+def torn_at_first(_: Any) -> SetBoolResponse:
+    return next(ANSWERS)
+
+
 def answer_in_latin(_: Any) -> AnswerInLatin:
     return AnswerInLatin()
 
@@ -66,6 +93,25 @@ def test_a_call_passes_byte_for_byte(tmp_path: Path) -> None:
         told = [(event["kind"], event["passed"]) for event in scene.server.events("s")]
         assert told == [("request", True), ("response", True)]
         adapter.ends_well()
+
+
+def test_what_cannot_be_read_is_an_error_at_the_client_and_lost(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", torn_at_first)
+        _, error = caller.call(CallingTorn, "/switch_mon", Torn())
+        assert "the request of /switch can't be read: " in str(error)
+        adapter.said("/switch: a request can't be read, and its caller gets an error: ")
+        assert panel.reached("/switch") == []
+        _, error = caller.call(SetBool, "/switch_mon", SetBoolRequest(data=True))
+        assert "the response of /switch can't be read: " in str(error)
+        adapter.said("a response can't be read, and its caller gets an error: ")
+        _, error = caller.call(SetBool, "/switch_mon", SetBoolRequest(data=True))
+        assert error is None
+        counters = eventually(lambda: scene.server.session("s")["counters"], lambda found: found["lost"] == 2)
+        assert counters["steps"] == 3
+        adapter.ends_well()
+        assert "Traceback" not in adapter.log
 
 
 def test_a_time_that_its_type_does_not_have_is_told(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from oracle_adapter import unread
 
 from tests.ros2.harness import Peer, Scene
 
@@ -113,7 +114,8 @@ def test_requests_that_can_not_be_read_are_told_as_one_trouble_and_counted_with_
     peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, calls = [100.0], list[Any]()
-    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    for module in (relay, unread):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", calls.append, lambda call, _: None)
     assert list(made.look()) == []
     for why in ("it is torn", "it is odd"):
@@ -134,7 +136,8 @@ def test_responses_that_can_not_be_read_are_told_as_one_trouble_and_counted_with
     peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, lost = [100.0], list[int]()
-    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    for module in (relay, unread):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     peer.node.create_service(srv.Trigger, "/led", lambda _, response: response)
     made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", print, lambda call, _: lost.append(call.lost))
     peer.until(lambda: made.is_there, "nobody serves /led")

@@ -70,13 +70,13 @@ class Passing:
         return passed, reason
 
     def ask_and_wait(
-        self, stamp: Stamp, data: Any, call: int, may_go_on: Callable[[], bool]
+        self, stamp: Stamp, data: Any, call: int, may_go_on: Callable[[], bool], lost: int = 0
     ) -> Tuple[bool, str]:
         """Ask about a call, and wait for what `settle` returns.
 
         What the oracle lets pass passes where it `may_go_on` then. Where the link's thread hangs,
         the wait ends `GRACE` seconds after the time for a decision; then the call does not pass,
-        whatever the answer will be.
+        whatever the answer will be. `lost` is as for `Link.ask`.
         """
         settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
         passed = threading.Lock()  # taken by what comes first: the answer, or the end of the wait
@@ -87,7 +87,7 @@ class Passing:
         def answered(answer: Answer) -> None:
             settled.put(self.settle(answer, give, None, call))
 
-        self.ask(stamp, data, answered, call=call)
+        self.ask(stamp, data, answered, call=call, lost=lost)
         try:
             return settled.get(timeout=self._within + GRACE)
         except Empty:

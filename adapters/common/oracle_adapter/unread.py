@@ -1,4 +1,4 @@
-"""Messages that could not be read, until an event tells that they are lost."""
+"""Messages that could not be read, until an event tells that they are lost, and why."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Callable
 
 TOLD_WITHIN = 1.0
 """Seconds in which an event of the same stream may tell it; later one of any stream does."""
+SHOWN = 10.0
+"""Seconds for which it is told that a request, or a response, can't be read."""
 
 
 class Unread:
@@ -34,3 +36,26 @@ class Unread:
     def overdue(self) -> int:
         """All of them, for an event of any stream, where none of this one came in time; else 0."""
         return self.take() if self._clock() - self._since >= TOLD_WITHIN else 0
+
+
+class Unreadable:
+    """What could not be read on one side of a service."""
+
+    def __init__(self) -> None:
+        self._lost, self._why, self._at = 0, "", 0.0
+
+    def add(self, why: str) -> None:
+        """Count one, and why it could not be."""
+        self._lost += 1
+        self._why, self._at = self._why or why, time.monotonic()
+
+    def take(self) -> int:
+        """How many there were since the last event, which is there now."""
+        lost, self._lost = self._lost, 0
+        return lost
+
+    def look(self) -> str:
+        """Why the first one could not be read; empty once the last one was `SHOWN` seconds ago."""
+        if self._why and time.monotonic() - self._at >= SHOWN:
+            self._why = ""
+        return self._why

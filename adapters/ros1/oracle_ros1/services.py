@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any, Iterator, Optional
 
 import rospy
 from oracle_adapter import TimeSource
@@ -10,6 +10,7 @@ from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
+from oracle_adapter.unread import Unreadable
 
 from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
@@ -19,12 +20,19 @@ from oracle_ros1.unserved import UnservedService
 
 
 def _as_sent(service_type: Any) -> Any:
-    """A service's type whose messages are passed on byte for byte as they came, whatever is read of them."""
+    """A service's type whose messages are passed on byte for byte as they came, whatever is read of them.
+
+    Why one can't be read is its `unread`, else empty: of an exception here rospy would tell in a traceback.
+    """
 
     def message(read: Any) -> Any:
         def deserialize(self: Any, data: bytes) -> Any:
-            self.sent = data
-            return read.deserialize(self, data)
+            self.sent, self.unread = data, ""
+            try:
+                return read.deserialize(self, data)
+            except Exception as error:  # noqa: BLE001 - whatever another node sends
+                self.unread = str(error)
+                return self
 
         def serialize(self: Any, buffer: Any) -> None:
             buffer.write(self.sent)
@@ -61,10 +69,10 @@ class ProxiedService:
         self._service = rospy.Service(self._proxy, self._type, self._serve)
 
     def look(self) -> str:
-        """Why calls do not reach the proxy, and what the service's type lacks; empty where all is well."""
+        """Why calls do not reach the proxy, can't be read, or lack what the spec reads; empty where all is well."""
         self.bypass = self._graph.not_serving(self._proxy)
         self.doubt = self._unserved.look()
-        return "; ".join(filter(None, (self.bypass, self._request.lacking, self._response.lacking)))
+        return "; ".join(filter(None, (self.bypass, *self._request.troubles(), *self._response.troubles())))
 
     def stop(self) -> None:
         """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has."""
@@ -88,13 +96,16 @@ class ProxiedService:
 
     def _judge(self, side: "_Side", message: Any, call: int) -> None:
         """Raise `ServiceException`, which is the client's, where this must not pass."""
+        if message.unread:
+            side.unreadable.add(message.unread)
+            raise rospy.ServiceException(f"the {side.kind} of {self._name} can't be read: {message.unread}")
         # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = (side.stamp and side.stamp(message)) or self._now
-        data = side.read(message)
+        data, lost = side.read(message), side.unreadable.take()
         if side.passing is None:
-            self._link.send(self._name, side.kind, stamp, data, call=call)
+            self._link.send(self._name, side.kind, stamp, data, call=call, lost=lost)
             return
-        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: not self._stopped)
+        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: not self._stopped, lost)
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self._name}: {reason}")
 
@@ -105,6 +116,7 @@ class _Side:
     def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
         self.passing: Optional[Passing] = None
+        self.unreadable = Unreadable()
         if is_filtered(stream):
             self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self.read = reader(message_type, stream["fields"], lookup_installed)
@@ -112,6 +124,12 @@ class _Side:
         what = f"the {self.kind} of {stream['type']}"
         unread = not_there(what, lacking(message_type, stream.get("reads") or (), lookup_installed))
         no_time = misplaced(what, stream["stamp"]) if stream["stamp"] and not self.stamp else ""
-        self.lacking = "; ".join(filter(None, (unread, no_time)))
+        self._lacking = "; ".join(filter(None, (unread, no_time)))
         self.time_source: Optional[TimeSource] = "field" if self.stamp else "arrival"
         self.latency: Optional[int] = stream["latency"] if self.stamp else None
+
+    def troubles(self) -> Iterator[str]:
+        """What its type lacks, and why something could not be read; also empty texts."""
+        yield self._lacking
+        why = self.unreadable.look()
+        yield f"a {self.kind} can't be read, and its caller gets an error: {why}" if why else ""

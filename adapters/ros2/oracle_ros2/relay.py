@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator
 
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.pacing import AT_ONCE
+from oracle_adapter.unread import Unreadable
 from rclpy.qos import QoSProfile
 
 from oracle_ros2.calltypes import CallTypes
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
 PAUSE = 1.0  # seconds after which a service that answers none of so many gets more: it may work on all at once
 UNDERWAY = 0.2  # seconds that an answer may take to its client
-UNREAD = 10.0  # seconds for which it is told that a request, or a response, can't be read
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
 
@@ -47,29 +47,6 @@ class Call:
     """Since when none of these is there any more (s)."""
     answered: bool = False
     """Whether the service has answered, and that is decided on at most."""
-
-
-class Unreadable:
-    """What could not be read on one side of a service."""
-
-    def __init__(self) -> None:
-        self._lost, self._why, self._at = 0, "", 0.0
-
-    def add(self, why: str) -> None:
-        """Count one, and why it could not be."""
-        self._lost += 1
-        self._why, self._at = self._why or why, time.monotonic()
-
-    def take(self) -> int:
-        """How many there were since the last event, which is there now."""
-        lost, self._lost = self._lost, 0
-        return lost
-
-    def look(self) -> str:
-        """Why the first one could not be read; empty once the last one was `UNREAD` seconds ago."""
-        if self._why and time.monotonic() - self._at >= UNREAD:
-            self._why = ""
-        return self._why
 
 
 class Relay:
