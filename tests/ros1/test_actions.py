@@ -137,6 +137,19 @@ def test_an_action_is_observed_without_a_proxy(tmp_path: Path) -> None:
         process.ends_well()
 
 
+def test_goals_without_an_id_are_told_where_they_are_only_observed(tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", "reply", via="introspection", proxy="")) as (scene, oracle, process):
+        server(scene, count)
+        peer = scene.peer()
+        peer.advertise(msg.TestActionGoal, "/count/goal", listeners=2)
+        peer.publish("/count/goal", msg.TestActionGoal())
+        [goal] = oracle.heard("goal", 1)
+        assert goal["goal_id"] == ""
+        process.said("/count: /peer1 sends goals without an id: their server gives them one that nobody else knows")
+        eventually(oracle.troubles, lambda told: any("/peer1 sends goals without an id" in one for one in told))
+        process.ends_well()
+
+
 def test_an_observed_action_that_nobody_serves_is_told(tmp_path: Path) -> None:
     described = streams("goal", name="/counts", via="introspection", proxy="")
     with watched(tmp_path, described) as (scene, oracle, process):

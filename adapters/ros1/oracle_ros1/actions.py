@@ -10,10 +10,14 @@ from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import ActionEvents, Event
 from oracle_ros1.actionstatus import Statuses
-from oracle_ros1.observed import deafen, headers
+from oracle_ros1.observed import deafen, header_of, headers
 from oracle_ros1.shared import Shared
 from oracle_ros1.unserved import UnservedAction
 
+_NAMELESS = (
+    "their server gives them one that nobody else knows, so that their replies, feedback, results and statuses are "
+    "those of other goals here; by a proxy they would have one"
+)
 Take = Callable[[rospy.AnyMsg], None]
 
 
@@ -42,7 +46,8 @@ class LoggedAction:
         self._events, self._statuses = ActionEvents(shared, action, proxied=False), Statuses()
         self.streams = list(self._events.streams.values())
         self.doubt = ""
-        """That nobody has served it so far, as of the last look."""
+        """That nobody has served it so far, and whose goals have no ids, as of the last look."""
+        self._nameless = ""  # the last node that sent a goal without an id
         take: Dict[str, Take] = {
             "goal": self._take_goal,
             "cancel": self._take_cancel,
@@ -57,7 +62,7 @@ class LoggedAction:
 
     def look(self) -> str:
         """What is wrong."""
-        self.doubt = self._unserved.look()
+        self.doubt = "; ".join(filter(None, (self._unserved.look(), self._nameless)))
         return "; ".join(self._events.troubles(self._subscribers))
 
     def stop(self) -> None:
@@ -75,7 +80,11 @@ class LoggedAction:
         if found is not None:
             call, goal_id = next(self._events.numbers), found.goal_id.id
             self._report("goal", self._events.event("goal", found, found.goal, goal_id, call=call))
-            self._events.expect_reply(goal_id, call)
+            if goal_id:
+                self._events.expect_reply(goal_id, call)
+            else:
+                node = header_of(message).get("callerid", "an unknown node")
+                self._nameless = f"{node} sends goals without an id: {_NAMELESS}"
 
     def _take_cancel(self, message: rospy.AnyMsg) -> None:
         found = self._events.decoded("cancel", message)
