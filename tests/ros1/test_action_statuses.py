@@ -41,6 +41,12 @@ def array(**codes: int) -> StatusArray:
     return ArrayReader().read(sent(*(GoalStatus(GoalID(id=goal), code, "") for goal, code in codes.items())))
 
 
+def said_by(node: str, **codes: int) -> StatusArray:
+    message = sent(*(GoalStatus(GoalID(id=goal), code, "") for goal, code in codes.items()))
+    message._connection_header = {**message._connection_header, "callerid": node}
+    return ArrayReader().read(message)
+
+
 def seen(statuses: Statuses, now: float) -> dict[str, int]:
     return {entry.goal_id.id: entry.status for entry in decoded(statuses.view(now)).status_list}
 
@@ -51,6 +57,20 @@ def test_changes_are_the_difference_to_the_last_array() -> None:
     assert statuses.changes(array(a=ACTIVE, b=SUCCEEDED)) == [("b", SUCCEEDED)]
     assert statuses.changes(array(b=SUCCEEDED)) == []
     assert statuses.changes(array(a=ACTIVE)) == [("a", ACTIVE)]
+
+
+def test_each_of_two_servers_of_an_action_has_its_own_last_array() -> None:
+    statuses = Statuses()
+    assert statuses.changes(said_by("/one", a=ACTIVE, b=ACTIVE)) == [("a", ACTIVE), ("b", ACTIVE)]
+    assert statuses.changes(said_by("/two", b=SUCCEEDED)) == [("b", SUCCEEDED)]
+    assert statuses.changes(said_by("/one", a=ACTIVE, b=ACTIVE)) == []
+    assert statuses.changes(said_by("/two", b=SUCCEEDED)) == []
+
+
+def test_what_a_server_kept_is_where_its_statuses_begin() -> None:
+    statuses = Statuses()
+    assert statuses.changes(array(a=ACTIVE, b=ACTIVE), {"a": ACTIVE}) == [("b", ACTIVE)]
+    assert statuses.changes(array(a=SUCCEEDED), {"a": SUCCEEDED}) == [("a", SUCCEEDED)]
 
 
 def test_an_array_to_which_nothing_is_added_is_shown_as_it_is() -> None:

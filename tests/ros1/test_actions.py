@@ -5,12 +5,25 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import pytest
 import rospy
 from actionlib import msg
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from tests.processes import eventually
-from tests.ros1.actionscene import KINDS, client, count, count_fast, hesitate, ids, last, server, streams, watched
+from tests.ros1.actionscene import (
+    KINDS,
+    adapter,
+    client,
+    count,
+    count_fast,
+    hesitate,
+    ids,
+    last,
+    server,
+    streams,
+    watched,
+)  # fmt: skip
 from tests.ros1.harness import Scene
 from tests.ros1.judge import judge
 
@@ -134,6 +147,26 @@ def test_an_action_is_observed_without_a_proxy(tmp_path: Path) -> None:
         assert [event["data"] for event in found if event["kind"] == "feedback"] == [{"feedback": 1}, {"feedback": 2}]
         [reply] = [event for event in found if event["kind"] == "reply"]
         assert reply["status"] == "accepted"
+        process.ends_well()
+
+
+@pytest.mark.parametrize("via", ["introspection", "proxy"])
+def test_how_goals_stood_before_is_not_told(via: str, tmp_path: Path) -> None:
+    described = streams("status", via=via, proxy="/count_mon" if via == "proxy" else "")
+    with judge(described) as oracle, Scene(tmp_path) as scene:
+        server(scene, last)
+        peer = client(scene, "/count")
+        goal, goal_id = peer.send_goal("/count", msg.TestGoal(1))
+        peer.fed(goal, 1)
+        process = adapter(scene, oracle)
+
+        def told(goal_id: str) -> list[str]:
+            return [event["status"] for event in oracle.heard("status") if event["goal_id"] == goal_id]
+
+        _, next_id = peer.send_goal("/count", msg.TestGoal(1))
+        eventually(lambda: told(next_id), lambda found: "executing" in found)  # its server is heard
+        peer.cancel_goal(goal)
+        assert "executing" not in eventually(lambda: told(goal_id), lambda found: "canceled" in found)
         process.ends_well()
 
 

@@ -10,6 +10,7 @@ import rospy
 from oracle_adapter import Stamp
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.interfaces import Interface
+from oracle_adapter.kept import Beginning
 from oracle_adapter.unread import Unread
 
 from oracle_ros1.actionmessages import ActionStream, ActionTypes, text_of
@@ -17,10 +18,13 @@ from oracle_ros1.actionstatus import accepted, word
 from oracle_ros1.codec import CodecError
 from oracle_ros1.observed import header_of, headers
 from oracle_ros1.shared import Shared
+from oracle_ros1.statusarray import StatusArray
 from oracle_ros1.unheard import Unheard
 
 KEPT = 10_000
 """The most goals of which something is still to come; the oldest are forgotten."""
+CONNECTED_WITHIN = 10**9
+"""The time (ns) that it may take to hear a server: one that is there as this begins says again how goals stand."""
 
 
 class Event(NamedTuple):
@@ -44,6 +48,7 @@ class ActionEvents:
         self.numbers = call_numbers()
         """Number what clients ask for, in the order in which it comes."""
         self._link, self._unheard = shared.link, Unheard(shared.graph)
+        self._beginning = Beginning(shared.now)
         self._replying = threading.Lock()  # guards what follows
         self._unanswered: "OrderedDict[str, int]" = OrderedDict()  # goals without a reply, with their numbers
         self._lost: Dict[str, Unread] = defaultdict(Unread)
@@ -130,6 +135,13 @@ class ActionEvents:
                 self.name, "reply", stream.stamp(None, None), data,
                 goal_id=text_of(goal_id), call=call, status=said,
             )  # fmt: skip
+
+    def standing(self, array: StatusArray) -> Dict[str, int]:
+        """How goals of before stood as this began, where that is the first array of a server, which keeps its last."""
+        latched, is_after = header_of(array.message).get("latching") == "1", self._beginning.is_after
+        if not latched or not is_after(array.header.stamp.to_nsec() - CONNECTED_WITHIN):
+            return {}
+        return {one.goal_id.id: one.code for one in array.entries if is_after(one.goal_id.stamp.to_nsec())}
 
     def changed(self, array: Any, changes: Iterable[Tuple[str, int]]) -> None:
         """Report the replies and the statuses that an array brings."""

@@ -98,7 +98,7 @@ class LoggedAction:
     def _take_status(self, message: rospy.AnyMsg) -> None:
         array = self._events.decoded("status", message)
         if array is not None:
-            self._events.changed(array, self._statuses.changes(array))
+            self._events.changed(array, self._statuses.changes(array, self._events.standing(array)))
 
     def _report(self, kind: str, event: Optional[Event]) -> None:
         if event is not None:

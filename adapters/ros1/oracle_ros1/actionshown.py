@@ -38,7 +38,7 @@ class ShownStatuses:
             if array is None:
                 return
             self._last = message
-            self._events.changed(array, self.goals.changes(array))
+            self._events.changed(array, self.goals.changes(array, self._events.standing(array)))
             if not as_it_is:
                 self.show()
 

@@ -54,7 +54,7 @@ class Statuses:
     def __init__(self) -> None:
         self.last: Optional[StatusArray] = None
         """The server's last array, where it was read."""
-        self._codes: Dict[str, int] = {}  # of the last array
+        self._codes: Dict[str, Dict[str, int]] = {}  # of the last array of each server
         self._own: Dict[str, Tuple[Entry, float]] = {}  # given by the proxy, and until when
         self._open: Dict[str, float] = {}  # goals whose results are asked about: until when no end of them is shown
         self._shown: Dict[str, Entry] = {}  # of these, what clients saw last
@@ -85,13 +85,15 @@ class Statuses:
         self._open.pop(goal_id, None)
         self._shown.pop(goal_id, None)
 
-    def changes(self, array: StatusArray) -> List[Tuple[str, int]]:
-        """Take the server's next array; the goals of another status than in the last one.
+    def changes(self, array: StatusArray, standing: Optional[Dict[str, int]] = None) -> List[Tuple[str, int]]:
+        """Take a server's next array; the goals of another status than in its last one.
 
-        Goals that the proxy has refused are none of them: the server knows these from cancels only.
+        Before its first one goals were `standing` so. Goals that the proxy has refused are none of them: the server
+        knows these from cancels only.
         """
-        codes = {entry.goal_id.id: entry.code for entry in array.entries}
-        before, self._codes, self.last = self._codes, codes, array
+        codes, source = {entry.goal_id.id: entry.code for entry in array.entries}, array.source
+        before = self._codes.get(source, standing or {})
+        self._codes[source], self.last = codes, array
         refused = {goal for goal, (own, _) in self._own.items() if own.code in _REFUSED}
         return [(goal, code) for goal, code in codes.items() if before.get(goal) != code and goal not in refused]
 
@@ -100,7 +102,7 @@ class Statuses:
         array = self.last
         if array is None:
             return None
-        there = set(self._codes)
+        there = {entry.goal_id.id for entry in array.entries}
         self._own = {goal: own for goal, own in self._own.items() if own[1] > now or goal in there}
         entries = [self._seen(entry, now) for entry in array.entries]
         return array.having([*entries, *(own for goal, (own, _) in self._own.items() if goal not in there)])

@@ -14,6 +14,8 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 from std_msgs.msg import Header
 
+from oracle_ros1.observed import header_of
+
 _NUMBER = struct.Struct("<I")
 _SEQ_AND_STAMP, _STAMP, _STATUS = 12, 8, 1
 """How long what stands before a header's frame, before a goal's id and between this and the text is (bytes)."""
@@ -42,6 +44,11 @@ class StatusArray:
         """`before` is all of the message before the number of its entries."""
         self.message, self.entries, self._before = message, entries, before
         self.header = Header().deserialize(before)
+
+    @property
+    def source(self) -> str:
+        """The node whose it is."""
+        return str(header_of(self.message).get("callerid"))
 
     def having(self, entries: Sequence[Entry]) -> rospy.AnyMsg:
         """The message with other entries; itself where they are its own."""
