@@ -18,21 +18,21 @@ from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
 try:
     import rospy
+    from oracle_adapter import Board, LinkError, Names, open_log
+    from oracle_adapter.command import close, make_link, wait_attached
+
+    from oracle_ros1.codec import CodecError
+    from oracle_ros1.graph import dump_graph, log_without_master
+    from oracle_ros1.handshakes import hear_each_by_itself, tell_unknown_address
+    from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
+    from oracle_ros1.nodename import no_master, taken
+    from oracle_ros1.options import complete, read_options
+    from oracle_ros1.screen import Screen
+    from oracle_ros1.stopping import Stopping
 except ImportError as error:
     hint = ": ROS 1 is not there for this Python, source its setup.bash or install python3-rospy"
-    sys.stderr.write(f"{error}{hint}\n")
+    sys.stderr.write(f"{error}{hint if error.name == 'rospy' else ''}\n")
     sys.exit(2)
-from oracle_adapter import Board, LinkError, Names, open_log
-from oracle_adapter.command import close, make_link, wait_attached
-
-from oracle_ros1.codec import CodecError
-from oracle_ros1.graph import dump_graph, log_without_master
-from oracle_ros1.handshakes import hear_each_by_itself, tell_unknown_address
-from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
-from oracle_ros1.nodename import taken
-from oracle_ros1.options import complete, read_options
-from oracle_ros1.screen import Screen
-from oracle_ros1.stopping import Stopping
 
 if TYPE_CHECKING:
     from oracle_adapter import Link
@@ -49,12 +49,16 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     stopping = Stopping()
     hear_each_by_itself()
     with stopping.asking_master():  # there may be none yet, and there is nothing to end
-        why = "" if options.dump_graph else taken(_node_name(options), for_ros, _say)
+        why = no_master() or ("" if options.dump_graph else taken(_node_name(options), for_ros, _say))
         if why:
             _say(why)
             return 2
         # waits for the master; a node of the name that another one has would end that one
-        rospy.init_node(_node_name(options), argv=for_ros, anonymous=options.dump_graph, disable_signals=True)
+        try:
+            rospy.init_node(_node_name(options), argv=for_ros, anonymous=options.dump_graph, disable_signals=True)
+        except Exception as error:  # noqa: BLE001 - of many classes, as where its log can't be written
+            _say(f"ROS does not start: {type(error).__name__}: {error}")
+            return 2
         log_without_master()
     return _as_node(options, stopping)
 

@@ -1,11 +1,13 @@
-"""The name of the adapter's node, which no other node may have: ROS ends the one that had it before."""
+"""The address of the master, and the name of the adapter's node: ROS ends another one that had it before."""
 
 from __future__ import annotations
 
 import time
 from typing import Any, Callable, Optional, Sequence
+from urllib.parse import urlsplit
 from xmlrpc.client import Fault, ServerProxy
 
+import rosgraph
 import rospy
 from rosgraph.names import load_mappings, resolve_name
 
@@ -16,6 +18,19 @@ FREE_WITHIN = 10.0
 """Seconds for which an adapter that is ending keeps its name, at the most."""
 ASK_WITHIN = 3.0
 """Seconds that a node may take to answer."""
+
+
+def no_master() -> str:
+    """Why the master's address is none, which rospy would try for ever; empty where it is one."""
+    address = rosgraph.get_master_uri()
+    try:
+        parts = urlsplit(address)
+        is_one = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_one = False
+    if is_one or not address:  # without one rospy has its own
+        return ""
+    return f"ROS_MASTER_URI: '{address}' is no address like http://localhost:11311"
 
 
 def taken(own: str, arguments: Sequence[str], warn: Callable[[str], None]) -> str:
