@@ -34,7 +34,7 @@ class Details(TypedDict, total=False):
     """What else may be known of an event."""
 
     source: Optional[str]
-    """Its publisher."""
+    """Its publisher; of a name longer than events may have only the beginning."""
     call: Optional[int]
     """Pairs a request with its response, and a goal with its reply."""
     goal_id: Optional[str]
@@ -47,6 +47,8 @@ class Details(TypedDict, total=False):
 
 _LONGEST = 1000
 """The most characters of what is reported of a stream."""
+_LONGEST_SOURCE = 255
+"""The most characters of an event's source."""
 
 
 class Link:
@@ -262,6 +264,7 @@ def _body(
 ) -> str:
     """An event's JSON after its number, stamp and losses, which are known only later."""
     event: Dict[str, Any] = {"stream": stream, "kind": kind, "ask": ask}
+    source = source and source[:_LONGEST_SOURCE]
     details = {"source": source, "call": call, "goal_id": goal_id, "status": status}
     event.update((name, value) for name, value in details.items() if value is not None)
     event["data"] = data

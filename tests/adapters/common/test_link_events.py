@@ -37,6 +37,15 @@ class TestSending:
             assert numbers == list(range(500))
         assert events[0].keys() >= {"source", "call", "kind", "data", "ask"}
 
+    def test_a_publisher_whose_name_is_longer_than_events_may_have_is_judged(
+        self, oracle: Oracle, link: Link
+    ) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        link.send("/a", "topic", 1, {}, source="/" + 300 * "n")
+        [event] = peer.events(1)
+        assert event["source"] == "/" + 254 * "n"
+
     def test_what_is_no_detail_is_refused(self, links: List[Link]) -> None:
         link = Link("ws://127.0.0.1:9", "uav1")
         links.append(link)
