@@ -205,6 +205,14 @@ def test_another_type_than_the_specs_is_told_and_does_not_pass(tmp_path: Path) -
         process.ends_well()
 
 
+def test_an_action_that_is_called_as_its_python_class_ends_the_adapter_with_a_hint(tmp_path: Path) -> None:
+    described = [{**one, "type": "actionlib/action/TestAction"} for one in streams("goal")]
+    with judge(described) as oracle, Scene(tmp_path) as scene:
+        process = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", oracle.url, "--spec", "s")
+        process.said("called as its file is, as actionlib/action/Test, and not actionlib/TestAction")
+        assert process.wait() == 2
+
+
 def test_an_action_whose_package_is_missing_ends_the_adapter(tmp_path: Path) -> None:
     described = [{**one, "type": "nowhere/action/Fly"} for one in streams("goal")]
     with judge(described) as oracle, Scene(tmp_path) as scene:

@@ -34,7 +34,7 @@ class ActionTypes:
         self.topics: Dict[str, Any] = {"cancel": GoalID, "status": GoalStatusArray}
         self.inner: Dict[str, Any] = {"cancel": GoalID}
         for kind in ("goal", "feedback", "result"):
-            self.topics[kind] = lookup_installed(f"{name}Action{kind.capitalize()}")
+            self.topics[kind] = _installed(name, kind)
             self.inner[kind] = lookup_installed(f"{name}{kind.capitalize()}")
         self._statuses = ArrayReader()
 
@@ -93,6 +93,18 @@ class ActionStream:
     def stamp(self, message: Any, found: Any) -> Stamp:
         """The time of a message, by what is inside it or by itself; or what reads the clock as it is queued."""
         return (self._stamp(message, found) if self._stamp else None) or self._now
+
+
+def _installed(name: str, kind: str) -> Any:
+    """The class of one of an action's topics. Raises `CodecError`."""
+    try:
+        return lookup_installed(f"{name}Action{kind.capitalize()}")
+    except CodecError as error:
+        if not name.endswith("Action"):
+            raise
+        package, _, action = name[: -len("Action")].partition("/")
+        hint = f"The type of an action is called as its file is, as {package}/action/{action}, and not {name}"
+        raise CodecError(f"{error} {hint}") from error
 
 
 def _node(header: Header) -> str:
