@@ -17,7 +17,9 @@ def read(*words: str) -> tuple[dict[str, object], list[str]]:
     return {name: value for name, value in vars(found).items() if value}, for_ros[0:]
 
 
-def completed(words: list[str], parameters: Mapping[str, str], monkeypatch: pytest.MonkeyPatch) -> tuple[object, int]:
+def completed(
+    words: list[str], parameters: Mapping[str, object], monkeypatch: pytest.MonkeyPatch
+) -> tuple[object, int]:
     """The options by the command line and by parameters, and how many of these were not taken."""
     ros = SimpleNamespace(
         get_param=lambda name, default: parameters.get(name.strip("~"), default), resolve_name=lambda name: name
@@ -70,6 +72,12 @@ def test_a_log_on_the_command_line_is_written_whatever_parameters_say(monkeypatc
     words = ["--log", "x", "--streams", "y"]
     found, told = completed(words, {"oracle": "http://a", "spec": "g", "monitor": "uav1"}, monkeypatch)
     assert (found.log, found.spec, found.monitor, told) == ("x", None, "uav1", 2)  # type: ignore[attr-defined]
+
+
+def test_a_namespace_of_the_robots_that_is_called_as_an_option_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    parameters = {"log": {"level": 3}, "session": 7, "spec": "g", "monitor": "uav1"}
+    found, told = completed([], parameters, monkeypatch)
+    assert (found.log, found.session, found.spec, told) == (None, "7", "g", 0)  # type: ignore[attr-defined]
 
 
 def test_parameters_that_contradict_each_other_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

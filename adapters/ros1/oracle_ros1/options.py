@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import Callable, Dict, FrozenSet, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, FrozenSet, List, Optional, Sequence, Tuple
 
 import rospy
 import yaml
@@ -59,7 +59,7 @@ def complete(options: argparse.Namespace, warn: Callable[[str], None]) -> None:
     given = frozenset(name for name, value in vars(options).items() if value is not None)
     others: FrozenSet[str] = next((others for names, others in _OTHERS if names & given), frozenset())
     for name in vars(options).keys() - given:
-        found = str(rospy.get_param(f"~{name}", ""))
+        found = _as_text(rospy.get_param(f"~{name}", ""))
         if found and name in others:
             warn(f"the parameter {rospy.resolve_name(f'~{name}')} is not taken: the command line says otherwise")
         elif found:
@@ -68,6 +68,11 @@ def complete(options: argparse.Namespace, warn: Callable[[str], None]) -> None:
     for name, value in vars(options).items():
         if value is None:
             setattr(options, name, default(name))
+
+
+def _as_text(value: Any) -> str:
+    """A parameter as an option; none where it is a namespace, as the robot has under the name of its monitor."""
+    return "" if isinstance(value, dict) else str(value)
 
 
 def _split(arguments: Sequence[str]) -> Tuple[List[str], List[str]]:
