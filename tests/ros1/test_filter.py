@@ -202,6 +202,21 @@ def test_who_hears_past_the_monitor_is_told_where_nobody_hears_what_passes(inter
         adapter.said("/number: recovered")
 
 
+def test_who_subscribes_to_what_passes_and_gets_nothing_is_told(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, odd, hearer, pilot = scene.adapter("gate"), scene.peer(), scene.peer(), scene.peer()
+        odd.record(String, "/number")
+        hearer.record(Int64, "/number", speakers=1)
+        pilot.advertise(Int64, "/number_mon")
+        adapter.said("/number: /peer0 subscribes to /number, and gets nothing of it: it asks for another type")
+        pilot.publish("/number_mon", *numbers(8))
+        hearer.heard("/number", 1)
+        assert "/peer1 subscribes" not in adapter.log
+        [trouble] = [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]]
+        assert trouble.startswith("/peer0 subscribes to /number, and gets nothing")
+        adapter.ends_well()
+
+
 def test_who_publishes_past_a_monitor_that_ros_remaps_is_told(tmp_path: Path) -> None:
     with gate(tmp_path) as scene:
         adapter = scene.adapter("gate", more=["/number:=/uav1/number", "/number_mon:=/uav1/asked"])

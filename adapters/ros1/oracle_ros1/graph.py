@@ -130,7 +130,7 @@ class Graph:
         That is as of when the master was last asked, which may know neither.
         """
         heard, given = rospy.resolve_name(heard), rospy.resolve_name(given)
-        others = sorted(set(self._subscribers.get(heard, ())) - {rospy.get_name()})
+        others = self.subscribers(heard)
         if not others or self._subscribers.get(given):
             return ""
         return f"nobody hears {given}, and past the monitor hears {heard}: {', '.join(others)}"
@@ -138,6 +138,10 @@ class Graph:
     def publishers(self, topic: str) -> List[str]:
         """The nodes but this one that published a topic when the master was last asked."""
         return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
+
+    def subscribers(self, topic: str) -> List[str]:
+        """The nodes but this one that subscribed to a topic when the master was last asked."""
+        return sorted(set(self._subscribers.get(topic, ())) - {rospy.get_name()})
 
     def connect_again(self, topic: str) -> None:
         """Connect to the publishers of a topic that are not connected: rospy tries none again that hung up at first."""

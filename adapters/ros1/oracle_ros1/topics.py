@@ -18,7 +18,7 @@ from oracle_adapter.unpublished import Unpublished
 from oracle_ros1.latches import Latches, latching
 from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, headers
 from oracle_ros1.shared import Shared
-from oracle_ros1.unheard import Unheard
+from oracle_ros1.unheard import Ungiven, Unheard
 
 DEPTH = 1000  # messages that wait for a slow subscriber
 
@@ -88,8 +88,9 @@ class FilteredTopic:
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
         refuse_own(topic.name, rospy.resolve_name(taken), map(rospy.resolve_name, OWN))
-        self._taken, self._unguarded = taken, ""
+        self._taken, self._unguarded, self._unreached = taken, "", ""
         self._silence, self._missing = Unpublished(rospy.resolve_name(taken)), Unheard(shared.graph)
+        self._ungiven = Ungiven(shared.graph)
         self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
         self._latches = Latches(lambda: headers(self._subscriber))
         self._publisher: Optional[rospy.Publisher] = None
@@ -117,6 +118,7 @@ class FilteredTopic:
         troubles = [why for why in found if isinstance(why, str)]
         troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
         troubles += self._missing.look([self._subscriber])
+        self._unreached = self._ungiven.look(self._publisher)
         self._unguarded = self._graph.unguarded(self._taken, self._given)
         past = self._graph.past(self._given)
         self.bypass = "; ".join(past)
@@ -124,8 +126,8 @@ class FilteredTopic:
 
     @property
     def doubt(self) -> str:
-        """That nobody publishes what it takes, or hears what passes, as of the last look."""
-        return "; ".join(filter(None, (self._unguarded, self._silence.text)))
+        """That nobody publishes what it takes, or hears what passes, or not all, as of the last look."""
+        return "; ".join(filter(None, (self._unguarded, self._unreached, self._silence.text)))
 
     def stop(self) -> None:
         """Take and forward no more."""

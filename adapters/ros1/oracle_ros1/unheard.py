@@ -1,8 +1,8 @@
-"""Publishers that the master knows and that are not connected, as where their address is not known here."""
+"""Publishers, and subscribers, that the master knows and that are not connected, as where an address is not known."""
 
 from __future__ import annotations
 
-from typing import Dict, Iterable, Iterator, List, Tuple
+from typing import Dict, Iterable, Iterator, List, Optional, Tuple
 
 import rospy
 
@@ -47,6 +47,31 @@ class Unheard:
         return (
             f"{node} publishes {topic}, and nothing of it is heard: it can't be reached from here{at}, as where its "
             "ROS_HOSTNAME or ROS_IP is wrong, or it has died"
+        )
+
+
+class Ungiven:
+    """Those of a topic that is published here: what passes does not reach them."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph, self._answers = graph, 0
+        self._missed: Dict[str, int] = {}  # in how many answers, by node
+
+    def look(self, publisher: Optional[rospy.Publisher]) -> str:
+        """Compare what the master says with who is connected; who is not, empty for nobody."""
+        topic = publisher.impl if publisher is not None else None
+        if topic is None:
+            return ""
+        name = str(topic.resolved_name)
+        if self._graph.answers != self._answers:
+            self._answers = self._graph.answers
+            left = [node for node in self._graph.subscribers(name) if not topic.has_connection(node)]
+            self._missed = {node: self._missed.get(node, 0) + 1 for node in left}
+        why = "it asks for another type or definition, can't reach this node, or has died"
+        return "; ".join(
+            f"{node} subscribes to {name}, and gets nothing of it: {why}"
+            for node, count in self._missed.items()
+            if count >= ANSWERS
         )
 
 
