@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from oracle_adapter.unread import TOLD_WITHIN, Unread
 
 from tests.processes import PATIENCE
 from tests.ros2.harness import Scene, eventually
@@ -101,7 +102,20 @@ def test_status_arrays_that_are_lost_count_also_where_the_next_one_says_nothing_
     stream.take({goal: 1}, info, 0)
     stream.take({goal: 1}, info, 2)
     stream.take({goal: 2}, info, 1)
-    stream.miss(1)
+    stream.unread.add(1)
     stream.take({goal: 4}, info, 0)
     stream.take({goal: 2}, info, 0)
     assert sent == [("accepted", 0), ("executing", 3), ("succeeded", 1), ("executing", 0)]
+
+
+def test_status_arrays_that_are_lost_are_told_by_another_event_where_none_of_their_stream_follows(scene: Scene) -> None:
+    now, told = 5.0, list[int]()
+    shared = SimpleNamespace(node=scene.peer().node, link=SimpleNamespace(lost=told.append))
+    stream = standing.StatusStream(shared, {"name": "/dock", "kind": "status", "latency": 0})
+    stream.unread = Unread(lambda: now)
+    stream.unread.add(2)
+    stream.keep([])
+    now += TOLD_WITHIN
+    stream.keep([])
+    stream.keep([])
+    assert told == [0, 2, 0]

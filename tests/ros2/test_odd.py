@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -89,4 +90,22 @@ def test_a_message_that_cannot_be_read_is_told_and_lost_and_does_not_pass(tmp_pa
         assert scene.server.session("s")["counters"]["lost"] == 3
         for stream in ("/text", "/wide"):
             adapter.said(f"{stream}: /peer publishes what can't be read: ")
+        adapter.ends_well()
+
+
+def test_what_cannot_be_read_is_lost_though_no_event_of_its_topic_follows(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, speaker, wrong = scene.adapter("texts"), scene.peer("speaker"), scene.peer("wrong")
+        texts, wide = speaker.publisher(msg.String, "/text_mon"), wrong.publisher(test_msgs.WStrings, "/wide")
+        for _ in range(2):
+            wide.publish(LITTLE_ENDIAN + b"\xff\xff\xff\x7fa")
+        adapter.said("/wide: /wrong publishes what can't be read: ")
+        wrong.node.destroy_publisher(wide)
+        adapter.said("/wide: recovered")
+
+        def lost() -> Any:
+            texts.publish(msg.String(data="a"))
+            return scene.server.session("s")["counters"]["lost"]
+
+        eventually(lost, lambda count: count == 2)
         adapter.ends_well()

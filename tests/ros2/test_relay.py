@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from oracle_adapter import unread
+from oracle_adapter.unread import TOLD_WITHIN, Unread
 
 from tests.ros2.harness import Peer, Scene
 
@@ -125,10 +126,25 @@ def test_requests_that_can_not_be_read_are_told_as_one_trouble_and_counted_with_
     for _ in range(2):
         made._serve(srv.Trigger.Request(), lambda response: None)
     assert [call.lost for call in calls] == [2, 0]
+    assert made.overdue() == 0
     clock[0] += 9.9
     assert list(made.look()) == told
     clock[0] += 0.1
     assert list(made.look()) == []
+    made.destroy()
+
+
+def test_what_can_not_be_read_is_to_be_told_by_another_event_where_no_call_follows(peer: Peer) -> None:
+    now = 5.0
+    made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", nothing, nothing)
+    for side in (made._requests, made._responses):
+        side.unread = Unread(lambda: now)
+    made._service.callback.unread("it is torn")
+    made._client.oracle_unread("it is torn")
+    assert made.overdue() == 0
+    now += TOLD_WITHIN
+    assert made.overdue(requests=False, responses=False) == 0, "they would be no events"
+    assert (made.overdue(responses=False), made.overdue(), made.overdue()) == (1, 1, 0)
     made.destroy()
 
 

@@ -22,11 +22,11 @@ class Unread:
     def __bool__(self) -> bool:
         return self._count > 0
 
-    def add(self) -> None:
-        """Count one."""
+    def add(self, count: int = 1) -> None:
+        """Count so many."""
         if not self._count:
             self._since = self._clock()
-        self._count += 1
+        self._count += count
 
     def take(self) -> int:
         """All of them, to be told with an event of the stream."""
@@ -42,17 +42,13 @@ class Unreadable:
     """What could not be read on one side of a service."""
 
     def __init__(self) -> None:
-        self._lost, self._why, self._at = 0, "", 0.0
+        self._why, self._at = "", 0.0
+        self.unread = Unread()
 
     def add(self, why: str) -> None:
         """Count one, and why it could not be."""
-        self._lost += 1
+        self.unread.add()
         self._why, self._at = self._why or why, time.monotonic()
-
-    def take(self) -> int:
-        """How many there were since the last event, which is there now."""
-        lost, self._lost = self._lost, 0
-        return lost
 
     def look(self) -> str:
         """Why the first one could not be read; empty once the last one was `SHOWN` seconds ago."""

@@ -43,7 +43,7 @@ class ProxiedAction:
     def __init__(self, shared: Shared, action: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
         node, board = shared.node, shared.board
-        self._node, self._board = node, board
+        self._node, self._link, self._board = node, shared.link, board
         self.name = action.name
         first, streams = action.first, action.streams
         self._type = load_type(first["type"])
@@ -119,6 +119,10 @@ class ProxiedAction:
         """Look at the other nodes again, and return what is wrong."""
         self.doubt = "; ".join(filter(None, (self._unserved.look(), self._feedback.doubt)))
         relays = self._sending, self._cancelling, self._results
+        kinds = (self._sending, "goal", "reply"), (self._cancelling, "cancel", ""), (self._results, "", "result")
+        there = self._sides
+        overdue = [relay.overdue(requests=ask in there, responses=answer in there) for relay, ask, answer in kinds]
+        self._link.lost(sum(overdue))
         found = [*self._feedback.look(), *self._status.look(), *(text for relay in relays for text in relay.look())]
         self._abort(self._orphaned())
         past = past_proxy(self._node, *self._proxied), self._feedback.bypass, self._status.bypass

@@ -92,6 +92,9 @@ class RelayedFeedback:
         """Look at the other nodes again, and return what is wrong."""
         troubles = [self.subscription.look(), self._publisher.look(self.subscription.offered)]
         if self.observed is not None:
+            with self._entering:
+                overdue = self.observed.unread.overdue()
+            self._link.lost(overdue)
             troubles += [self.observed.misplaced, self.observed.lacking, *unreadable(self)]
         return troubles
 

@@ -8,6 +8,7 @@ from action_msgs.msg import GoalInfo, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
+from oracle_adapter.unread import Unread
 from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import CodecError, lacking, load_type, reader
@@ -78,7 +79,8 @@ class ServiceEvents:
         self._open: dict[tuple[bytes, int], tuple[int, Goal]] = {}
         self.count = 0
         """How many messages have come."""
-        self._lost = 0  # since the last event
+        self.unread = Unread()
+        """What was missed, or can't be read, until an event tells it."""
         self._empty = False  # it tells of calls, and not what was in them
         self._unreadable = ""  # why the last message can't be read
         self.subscription = MatchedSubscription(shared.node, self._type, f"{service}/_service_event", self._take)
@@ -99,17 +101,17 @@ class ServiceEvents:
         if missed < 0:
             return
         self.count += 1
-        self._lost += missed
+        self.unread.add(missed)
         try:
             event = deserialize_message(message, self._type)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             self._unreadable = str(error) or type(error).__name__
-            self._lost += 1
+            self.unread.add()
             return
         self._unreadable = ""
         if event.info.event_type not in (_REQUEST, _RESPONSE):
             return  # a client's side of it
-        told, asking = Told(event.info, self._take_lost), event.info.event_type == _REQUEST
+        told, asking = Told(event.info, self.unread.take), event.info.event_type == _REQUEST
         content = list(event.request if asking else event.response)
         self._empty = not content
         key = bytes(event.info.client_gid), event.info.sequence_number
@@ -123,10 +125,6 @@ class ServiceEvents:
         elif key in self._open:  # else it was asked before this was heard
             call, goal = self._open.pop(key)
             self._on_response(told, content[0], call, goal)
-
-    def _take_lost(self) -> int:
-        lost, self._lost = self._lost, 0
-        return lost
 
 
 class IntrospectedAction:
@@ -187,9 +185,11 @@ class IntrospectedAction:
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
         self.doubt = self._unserved.look()
+        self._link.lost(sum(events.unread.overdue() for events in self._events))
         troubles = [trouble for events in self._events for trouble in events.look(self._unserved.is_served)]
         troubles += [side.lacking for side in self._sides.values()]
         if self._feedback is not None:
+            self._link.lost(self._feedback.unread.overdue())
             troubles += [self.subscription.look(), self._feedback.misplaced, self._feedback.lacking, *unreadable(self)]
         if self._statuses is not None and self._status is not None:
             troubles.append(self._statuses.look())
@@ -235,7 +235,7 @@ class IntrospectedAction:
             statuses = read(array)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             self._board.failed(self.name, f"a status array of {self.name}", error)
-            self._status.miss(lost + 1)
+            self._status.unread.add(lost + 1)
             return
         self._status.take(statuses, info, lost)
 

@@ -141,6 +141,14 @@ class Relay:
         # those that came while it was away have their time too
         return [call for call in self.unanswered if call.allowed and now - max(call.allowed, since) > self._patience]
 
+    def overdue(self, *, requests: bool = True, responses: bool = True) -> int:
+        """How many could not be read that no event has told in time, to be told by another one.
+
+        `requests`, `responses`: whether these would be events.
+        """
+        sides = (self._requests, requests), (self._responses, responses)
+        return sum(side.unread.overdue() for side, counts in sides if counts)
+
     def look(self) -> Iterator[str]:
         """Look at the other nodes again, and return whose calls and answers do not come."""
         if why := self._requests.look():
@@ -155,7 +163,7 @@ class Relay:
         self._node.destroy_client(self._client)
 
     def _serve(self, request: Any, reply: Reply) -> None:
-        call = Call(next(self._calls), request, reply, self._requests.take())
+        call = Call(next(self._calls), request, reply, self._requests.unread.take())
         with self._lock:
             self._open[call.number] = call
         self._on_request(call)
@@ -182,7 +190,7 @@ class Relay:
             answered = self._client.call_async(call.request)
 
         def take(done: Any) -> None:
-            call.answered, call.lost = True, self._responses.take()
+            call.answered, call.lost = True, self._responses.unread.take()
             with self._lock:
                 self._ahead = max(0, self._ahead - 1)
             self._on_response(call, done.result())

@@ -31,7 +31,7 @@ class ProxiedService:
 
     def __init__(self, shared: Shared, service: Interface) -> None:
         """Serve at once. Raises `CodecError`."""
-        self._node, self._board = shared.node, shared.board
+        self._node, self._link, self._board = shared.node, shared.link, shared.board
         self.name = service.name
         request, response = service.streams["request"], service.streams["response"]
         self._type = load_type(request["type"])
@@ -64,6 +64,7 @@ class ProxiedService:
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
         self.doubt = self._unserved.look()
+        self._link.lost(self._relay.overdue())
         self.bypass = past_proxy(self._node, (self._served, self._proxy))
         troubles = (self.bypass, *self._relay.look(), self._request.trouble, self._response.trouble)
         return "; ".join(trouble for trouble in troubles if trouble)

@@ -7,6 +7,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Mapping, NamedTuple
 
 from action_msgs.msg import GoalStatusArray
+from oracle_adapter.unread import Unread
 from rclpy.qos import qos_profile_action_status_default
 
 from oracle_ros2.endpoints import MatchedSubscription
@@ -41,11 +42,8 @@ class StatusStream:
         self.latency: int | None = None if stamped_here else stream["latency"]
         self.time_source: TimeSource = "arrival" if self._timed_here else "middleware"
         self._transitions = Transitions()
-        self._lost = 0  # since the last event
-
-    def miss(self, lost: int) -> None:
-        """Count arrays that were lost, or could not be read, for the next event."""
-        self._lost += lost
+        self.unread = Unread()
+        """Arrays that were lost, or can't be read, until an event tells it."""
 
     def take(self, statuses: Statuses, info: Mapping[str, Any], lost: int) -> None:
         """Report what an array says that its publisher's last one did not; `lost` were lost before it.
@@ -59,15 +57,16 @@ class StatusStream:
         stamp: Stamp = self._now
         if not self._stamped_here:
             stamp = (self._now() if self._timed_here else published) or None
-        self.miss(lost)
+        self.unread.add(lost)
         for goal, status in self._transitions.of(source, statuses):
+            missed = self.unread.take()
             self._link.send(
-                self.name, self.kind, stamp, {}, source=source, lost=self._lost, goal_id=goal.hex(), status=word(status)
+                self.name, self.kind, stamp, {}, source=source, lost=missed, goal_id=goal.hex(), status=word(status)
             )
-            self._lost = 0
 
     def keep(self, sources: list[str]) -> None:
-        """Forget publishers that have ended."""
+        """Forget publishers that have ended, and have another event tell what none of this stream has told in time."""
+        self._link.lost(self.unread.overdue())
         self._transitions.keep([source for source in self._transitions.sources if _is_there(source, sources)])
 
 
@@ -124,7 +123,8 @@ class RelayedStatus:
         """Look at the other nodes again, and return what is wrong."""
         troubles = [self.subscription.look(), self._publisher.look(self.subscription.offered)]
         if self.observed is not None:
-            self.observed.keep(self.subscription.sources)
+            with self._goals.lock:
+                self.observed.keep(self.subscription.sources)
         return troubles
 
     def flush(self) -> None:
@@ -189,7 +189,7 @@ class RelayedStatus:
             except Exception as error:  # noqa: BLE001 - whatever another node sends
                 self._board.failed(self._name, f"a status array of {self._name}", error)
                 if self.observed is not None:
-                    self.observed.miss(lost + 1)
+                    self.observed.unread.add(lost + 1)
                 continue
             self.statuses = statuses
             self._waiting.append((array, statuses, since))

@@ -10,6 +10,7 @@ from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.kept import Beginning
 from oracle_adapter.monitors import OWN, refuse_own
 from oracle_adapter.passing import Passing
+from oracle_adapter.unread import Unread
 from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import lacking, load_type, reader
@@ -65,7 +66,8 @@ class Observed:
         self.lasts: Callable[[], bool] = lambda: False
         """Whether messages come that were published before anybody asked for them."""
         self._numbers = Numbers(on_new)
-        self._unread = 0  # messages since the last event
+        self.unread = Unread()
+        """Messages that can't be read, and what was missed before them, until an event tells it."""
         self.unreadable: dict[str, str] = {}
         """Why messages of a publisher can't be read, by its source."""
         self.count = 0
@@ -89,9 +91,8 @@ class Observed:
     ) -> tuple[Stamp, Any, dict[str, Any]] | None:
         """The event of a message that `missed` has counted; None where it can't be read."""
         source = source_of(info)
-        missed += self._unread
         if self.is_foreign(source):
-            self._unread = missed + 1
+            self.unread.add(missed + 1)
             return None
         try:
             message = deserialize_message(serialized, self.type)
@@ -99,10 +100,10 @@ class Observed:
             if self._field:
                 message = getattr(message, self._field)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
-            self._unread = missed + 1
+            self.unread.add(missed + 1)
             self.unreadable[source] = str(error) or type(error).__name__
             return None
-        self._unread = 0
+        missed += self.unread.take()
         stamp = (self._stamp and self._stamp(message)) or self._time_of(info)
         if isinstance(stamp, int) and self.lasts() and self._beginning.is_after(stamp):
             stamp = self._now()
@@ -149,6 +150,7 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
+        self._link.lost(self.observed.unread.overdue())
         if self._monitors is not None:
             self._monitors.look()
         troubles = (self.subscription.look(), self.observed.misplaced, self.observed.lacking, *unreadable(self))
@@ -180,7 +182,8 @@ class FilteredTopic:
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         refuse_own(topic.name, node.resolve_topic_name(source), map(node.resolve_topic_name, OWN))
-        self._node, self._heard, self._given, self._unguarded = node, source, target, ""
+        self._link, self._node = shared.link, node
+        self._heard, self._given, self._unguarded = source, target, ""
         self._publisher = MatchedPublisher(node, self.observed.type, target)
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self._queue = ForwardQueue(passing, lambda said: self._publisher.publish(*said))
@@ -212,6 +215,7 @@ class FilteredTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
+        self._link.lost(self.observed.unread.overdue())
         heard = self.subscription
         found = heard.look(), self._publisher.look(heard.offered, heard.sources)
         self._unguarded = unguarded(self._node, self._heard, self._given)
