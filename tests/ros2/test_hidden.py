@@ -90,10 +90,28 @@ def test_the_other_order_of_bytes_is_read_too() -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"\0\1", b"\0\1\0\0", b"\0\1\0\0\1\0", b"\0\1\0\0\xff\xff\xff\xff", b"\0\7\0\0\2\0\0\0"]
+    "data", [b"", b"\0\1", b"\0\1\0\0", b"\0\1\0\0\1\0", b"\0\1\0\0\xff\xff\xff\xff", b"\7\0\0\0\2\0\0\0"]
 )
-def test_what_is_cut_short_or_in_another_form_hides_nothing(data: bytes) -> None:
+def test_what_is_cut_short_or_in_no_form_of_dds_hides_nothing(data: bytes) -> None:
     assert not hides(type(Maker(0).message("std_msgs/String")), data)
+
+
+@pytest.mark.parametrize("kind", ["std_msgs/String", "std_msgs/Int64"])
+def test_what_rclpy_reads_is_in_cdr_or_refused(kind: str) -> None:
+    message = Maker(0).message(kind)
+    whole = bytes(serialization.serialize_message(message))
+    read = []
+    for form in range(256):
+        serialized = bytes([0, form]) + whole[2:]
+        try:
+            serialization.deserialize_message(serialized, type(message))
+        except Exception:  # noqa: BLE001 - whatever rclpy says of it
+            continue
+        read.append(form)
+        if form > 1:
+            with pytest.raises(hidden.OtherFormError):
+                hidden.hidden_text_check(type(message))(serialized)
+    assert 1 in read
 
 
 @pytest.mark.parametrize("kind", ["geometry_msgs/Twist", "std_msgs/Empty", "test_msgs/BoundedPlainSequences"])

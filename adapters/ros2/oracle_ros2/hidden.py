@@ -1,7 +1,8 @@
-"""Texts of serialized messages that go on behind a NUL: rclpy reads them up to it, others may read them whole.
+"""What others may read otherwise than rclpy: texts that go on behind a NUL, and messages that are not in CDR.
 
 Messages come in CDR (OMG's DDS-XTypes 1.3, 7.4): a number stands at a multiple of its size, counted from behind a
-header of four bytes; a text is its length, its bytes and a NUL; a sequence is its length and its items.
+header of four bytes; a text is its length, its bytes and a NUL; a sequence is its length and its items. rclpy reads a
+text up to its first NUL. With Fast DDS it reads other forms than CDR, too, in which others may find other fields.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from oracle_ros2.codec import SEQUENCE, load_type
 
 _HEADER = 4
 _LENGTHS = {b"\0\0": struct.Struct(">I"), b"\0\1": struct.Struct("<I")}
-"""How lengths are written, by the first bytes of the header; messages of other forms are not looked at."""
+"""How lengths are written, by the first bytes of the header."""
+_OTHERS = frozenset(bytes([0, form]) for form in range(2, 12))
+"""The other forms that DDS has, as XCDR2, which nodes do not write. What is in none of DDS's is not looked at."""
 _SIZES = {
     **dict.fromkeys(("boolean", "octet", "byte", "char", "int8", "uint8"), 1), **dict.fromkeys(("int16", "uint16"), 2),
     **dict.fromkeys(("int32", "uint32", "float"), 4), **dict.fromkeys(("int64", "uint64", "double"), 8),
@@ -26,6 +29,13 @@ class HiddenTextError(Exception):
 
     def __init__(self) -> None:
         super().__init__("a text has a NUL in it, behind which nothing is read here")
+
+
+class OtherFormError(Exception):
+    """A message is in another form than CDR."""
+
+    def __init__(self) -> None:
+        super().__init__("it is in another form than CDR, in which others may find other fields")
 
 
 class _UnknownFormError(Exception):
@@ -122,18 +132,19 @@ class _Items:
 def hidden_text_check(message_type: Any) -> Callable[[bytes], None]:
     """A function that raises `HiddenTextError` for a serialized message of a type in which a text goes on behind a NUL.
 
-    What is behind a wide text is not looked at, nor what is in another form than CDR.
+    And `OtherFormError` for one in another form of DDS's than CDR. What is behind a wide text is not looked at.
     """
     parts = _parts(message_type)
     while parts and not parts[-1].has_texts:
         parts.pop()
-    if not parts:
-        return lambda _: None
     message = _Message(parts)
 
     def check(serialized: bytes) -> None:
-        lengths = _LENGTHS.get(bytes(serialized[:2]))
-        if lengths is not None:
+        form = bytes(serialized[:2])
+        if form in _OTHERS:
+            raise OtherFormError
+        lengths = _LENGTHS.get(form)
+        if parts and lengths is not None:
             with suppress(_UnknownFormError, struct.error):  # rclpy itself refuses what ends too soon
                 message.end(_Data(memoryview(serialized)[_HEADER:], lengths), 0)
 
