@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
+from rclpy.logging import get_logger
 
 from oracle_ros2.responses import send
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 BURST = 100
 """Messages of one subscription that are taken before others are looked at."""
+NONSENSE = 10.0
+"""Seconds in which nonsense on a topic of rclpy's own is logged once."""
 Reply = Callable[[Any], None]
 
 
@@ -121,7 +124,19 @@ def _subscription(subscription: Any) -> Callable[[], None]:
                     return
                 callback(*taken[:parts])
 
-    return take
+    return take if raw else _guarded(take, subscription.topic_name)
+
+
+def _guarded(take: Callable[[], None], topic: str) -> Callable[[], None]:
+    """What is rclpy's own, as its clock, which raises where another node says nonsense: that must end nothing here."""
+
+    def guarded() -> None:
+        try:
+            take()
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            get_logger("oracle").error(f"{topic}: a message can't be read: {error}", throttle_duration_sec=NONSENSE)
+
+    return guarded
 
 
 def _client(client: Any) -> Callable[[], None]:
