@@ -123,6 +123,15 @@ def test_who_can_t_read_what_is_forwarded_is_told(scene: Scene) -> None:
     forwarded.stop()
 
 
+def test_who_reads_what_is_forwarded_as_another_type_is_told_so(scene: Scene) -> None:
+    monitor, other = scene.peer("monitor"), scene.peer("other")
+    forwarded = republished.MatchedPublisher(monitor.node, msg.Int64, "/n")
+    other.record(msg.Int32, "/n")
+    text = "/other can't receive /n: it subscribes to it as std_msgs/msg/Int32, not as std_msgs/msg/Int64"
+    eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
+    forwarded.stop()
+
+
 def proxied(monitor: Peer) -> Any:
     """The types of a service that a monitor serves and calls."""
     monitor.made.append(monitor.node.create_service(srv.Trigger, "/led_mon", lambda _, response: response))

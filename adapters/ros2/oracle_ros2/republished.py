@@ -190,7 +190,9 @@ class MatchedPublisher:
 
 
 def _unlike(publisher: Any, subscription: Any) -> str:
-    """Why a subscription does not read what a publisher gives; empty where both have one definition of the type."""
+    """Why a subscription does not read what a publisher gives; empty where both have one definition of one type."""
+    if publisher.topic_type != subscription.topic_type:
+        return f"it subscribes to it as {subscription.topic_type}, not as {publisher.topic_type}"
     definitions = definition_of(publisher), definition_of(subscription)
     if None in definitions or definitions[0] == definitions[1]:
         return ""
