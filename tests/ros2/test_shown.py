@@ -201,3 +201,19 @@ def test_who_may_be_no_monitor_is_told_where_it_is_left_out(tmp_path: Path) -> N
         events = partial(scene.server.events, "s", stream="/diagnostics")
         assert len(eventually(events, lambda found: found)) == 1
         assert "/robot is taken" not in adapter.log
+
+
+def test_two_monitors_of_one_name_tell_that_their_verdicts_are_on_one_topic(tmp_path: Path) -> None:
+    """As two without `--monitor` are, also where each has a namespace of its own."""
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        one = scene.adapter("small", "one")
+        two = scene.adapter("small", "two", more=("--ros-args", "-r", "__ns:=/robot2"))
+        rest = "publishes /uav1/monitor_verdict too, where one can't tell whose verdict it is: give each monitor a name"
+        one.said(f"the monitor's name: /robot2/uav1 {rest}")
+        two.said(f"the monitor's name: /uav1 {rest}")
+        two.ends_well()
+        one.said("the monitor's name: recovered")
+        again = scene.adapter("small", "two")
+        one.said(f"the monitor's name: another node named /uav1 {rest}")
+        again.ends_well()
+        one.ends_well()

@@ -91,6 +91,18 @@ def unguarded(node: Node, heard: str, given: str) -> str:
     return f"nobody hears {given}, and past the monitor hears {heard}: {', '.join(others)}"
 
 
+def namesakes(node: Node, topic: str) -> str:
+    """Who else publishes a topic of this monitor's own, as another one of its name does; empty where nobody does."""
+    mine = node.get_fully_qualified_name()
+    found = Counter(full_name(info) for info in node.get_publishers_info_by_topic(topic))
+    found[mine] -= 1
+    others = sorted(f"another node named {mine}" if name == mine else name for name in +found)
+    if not others:
+        return ""
+    what = f"{' and '.join(others)} publishes {topic} too, where one can't tell whose verdict it is"
+    return f"{what}: give each monitor a name of its own, by --monitor"
+
+
 class Monitors:
     """Which nodes are monitors, this one among them: what they say of violations is no event of the robot's.
 

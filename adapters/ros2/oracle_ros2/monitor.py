@@ -6,13 +6,15 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from oracle_adapter import Attention
+from oracle_adapter import Attention, graph_name
 from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock, wall_doubt
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
+from oracle_adapter.monitors import VERDICT
 from rclpy.clock import Clock, ClockType
 
 from oracle_ros2.endpoints import full_name
+from oracle_ros2.graph import namesakes
 from oracle_ros2.parts import make_part, names_on_graph
 from oracle_ros2.shared import Shared
 from oracle_ros2.stamps import on_back, simulated, time_of
@@ -26,6 +28,8 @@ LOOK_PERIOD = 0.5
 SHOW_PERIOD = 0.1
 BY_CLOCK = "start the adapter with --ros-args -p use_sim_time:=true"
 """How to run by simulated time."""
+NAME = "the monitor's name"
+"""What the board calls it."""
 
 
 class Monitor:
@@ -40,6 +44,7 @@ class Monitor:
         check_names(names, attached, partial(names_on_graph, node))
         self._node, self._link, self._board = node, link, board
         self._attached, self._streams = attached, attached.streams
+        self._verdict = f"{graph_name(attached.monitor)}/{VERDICT}"
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
         self._clocks = clocks = Clocks(self._now)
@@ -85,6 +90,7 @@ class Monitor:
         time_doubt = wall_doubt(tellers, BY_CLOCK) if self._watch is None else ""
         time_trouble = self._silent.look() or self._torn.look(tellers)
         self._board.trouble(SIMULATED, time_trouble, time_doubt)
+        self._board.trouble(NAME, "", namesakes(self._node, self._verdict))
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
