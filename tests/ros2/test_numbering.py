@@ -43,6 +43,14 @@ def test_what_is_lost_or_comes_again_is_seen_by_the_numbers_of_each_publisher() 
     assert missed([*first, kilted(2, 1), kilted(2, 2)]) == [0, 0, 2, -1, -1, 0, 0]
 
 
+def test_the_publishers_that_were_heard_last_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over days many come and go."""
+    monkeypatch.setattr(numbering, "MOST", 3)
+    assert missed([kilted(number % 7, 10 + number) for number in range(50)]) == [0] * 50
+    known = [kilted(1, 10), kilted(2, 10), kilted(3, 10), kilted(1, 12)]
+    assert missed([*known, kilted(4, 10), kilted(1, 14), kilted(3, 13), kilted(2, 15)]) == [0, 0, 0, 1, 0, 1, 2, 0]
+
+
 def test_numbers_without_their_publisher_say_nothing() -> None:
     """A node that is started again begins at 1, and two nodes have the same numbers: nothing is old or lost."""
     assert missed([jazzy(number) for number in (499, 500, 1, 2, 2, 40)]) == [0] * 6

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Callable, Mapping
 
+MOST = 1000
+"""Publishers that are remembered: over days many come and go, and what they had lasts as long as the adapter."""
+
 
 class Numbers:
-    """The publishers of a topic, and the last number of each."""
+    """The publishers of a topic that were heard last, and the last number of each."""
 
     def __init__(self, on_new: Callable[[], None] = lambda: None) -> None:
         """`on_new` is called before the first message of each publisher is counted."""
@@ -19,11 +22,13 @@ class Numbers:
         0 where the middleware does not tell.
         """
         number: int = info["publication_sequence_number"] if is_numbered(info) else 0
-        before = self._last.get(source)
+        before = self._last.pop(source, None)
         if before is None:
             self._on_new()
             before = number - 1
-        self._last[source] = max(number, before)
+        self._last[source] = max(number, before)  # and who was heard last comes last
+        if len(self._last) > MOST:
+            del self._last[next(iter(self._last))]
         return max(-1, number - before - 1) if number else 0
 
 
