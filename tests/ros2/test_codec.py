@@ -12,6 +12,7 @@ import string
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -213,6 +214,32 @@ def test_an_unread_image_is_not_touched() -> None:
 
     read = codec.reader(type_of("sensor_msgs/msg/Image"), ["header.frame_id"])
     assert read(Untouchable()) == {"header": {"frame_id": "front"}}
+
+
+def test_a_list_that_no_frame_holds_is_not_converted() -> None:
+    class Cells:
+        def __len__(self) -> int:
+            return 501
+
+        def tolist(self) -> None:
+            pytest.fail("the map was read")
+
+    read = codec.reader(type_of("nav_msgs/msg/OccupancyGrid"), ["data"], 1000)
+    assert len(adapter.dumps(read(SimpleNamespace(data=Cells())))) > 1000
+
+
+@pytest.mark.parametrize("name", ["UInt8MultiArray", "ByteMultiArray", "Int8MultiArray", "Float32MultiArray"])
+def test_a_list_is_read_as_it_is_where_a_frame_may_hold_it(name: str) -> None:
+    kind, most = type_of(f"std_msgs/msg/{name}"), 300
+    whole, bounded = codec.reader(kind, ["data"]), codec.reader(kind, ["data"], most)
+    one = b"\0" if name.startswith("Byte") else 0
+    converted = 0
+    for count in range(most):
+        message = kind(data=[one] * count)
+        texts = [adapter.dumps(read(message)) for read in (whole, bounded)]
+        assert texts[0] == texts[1] or min(map(len, texts)) > most
+        converted += texts[0] == texts[1]
+    assert converted >= most // 4
 
 
 def test_a_path_through_a_sequence_reads_its_items() -> None:

@@ -41,6 +41,19 @@ properties:
   - id: nothing_wide
     formula: 'not {topic: "/wide", wide: "forbidden"}'
 """
+CELLS = """
+id: cells
+streams:
+  - topic: /cells
+    type: std_msgs/msg/Int8MultiArray
+    action: filter
+    intercept: publisher
+    on_unavailable: pass
+    decide_within: 60s
+    signals: {first: 'msg.data[0]'}
+properties:
+  - {id: free, formula: 'not {first: 100}', guards: [/cells]}
+"""
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
@@ -109,4 +122,20 @@ def test_what_cannot_be_read_is_lost_though_no_event_of_its_topic_follows(tmp_pa
             return scene.server.session("s")["counters"]["lost"]
 
         eventually(lost, lambda count: count == 2)
+        adapter.ends_well()
+
+
+def test_a_list_that_no_frame_holds_does_not_pass_and_is_told(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, CELLS)) as scene:
+        adapter, peer = scene.adapter("cells"), scene.peer()
+        heard = peer.record(msg.Int8MultiArray, "/cells")
+        cells = peer.publisher(msg.Int8MultiArray, "/cells_mon")
+        peer.until(lambda: peer.node.count_publishers("/cells") == 1)
+        for count in (2**20, 2):
+            cells.publish(msg.Int8MultiArray(data=[0] * count))
+        peer.until(lambda: heard)
+        assert len(heard[0].data) == 2
+        adapter.said('denied a message of /cells: an event of "/cells" is too large for a frame')
+        eventually(lambda: len(scene.server.events("s")), lambda count: count == 1)
+        assert scene.server.session("s")["counters"]["lost"] == 1
         adapter.ends_well()

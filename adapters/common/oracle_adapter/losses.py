@@ -25,7 +25,7 @@ def place_of(body: str) -> Tuple[str, str]:
 
 
 def _too_large(body: str) -> str:
-    return f"too large for a frame: what is read of it takes {len(body):,} bytes"
+    return f"too large for a frame: what is read of it takes {len(body):,} bytes or more"
 
 
 class Losses:

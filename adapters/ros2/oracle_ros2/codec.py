@@ -41,15 +41,17 @@ def load_type(name: str) -> Any:
     return found
 
 
-def reader(message_type: Any, fields: Iterable[str] | None) -> Read:
+def reader(message_type: Any, fields: Iterable[str] | None, most: int | None = None) -> Read:
     """A function from messages to plain data with these dotted fields; None means all of them.
 
-    Fields that the type does not have are left out.
+    Fields that the type does not have are left out. A list that takes more than `most` bytes as JSON is as many blanks,
+    which no frame holds either: a map of 16 million cells would hold up everything else for seconds.
     """
     if fields is None:
-        return _whole(message_type)
+        return _whole(message_type, most)
     types = message_type.get_fields_and_field_types()
-    parts = [(name, _value_reader(types[name], inner)) for name, inner in grouped(fields).items() if name in types]
+    wanted = {name: inner for name, inner in grouped(fields).items() if name in types}
+    parts = [(name, _value_reader(types[name], inner, most)) for name, inner in wanted.items()]
     return lambda message: {name: read(getattr(message, name)) for name, read in parts}
 
 
@@ -66,17 +68,20 @@ def _has(message_type: Any, names: Sequence[str]) -> bool:
 
 
 @lru_cache(maxsize=None)
-def _whole(message_type: Any) -> Read:
-    parts = [(name, _value_reader(kind, None)) for name, kind in message_type.get_fields_and_field_types().items()]
+def _whole(message_type: Any, most: int | None) -> Read:
+    types = message_type.get_fields_and_field_types()
+    parts = [(name, _value_reader(kind, None, most)) for name, kind in types.items()]
     return lambda message: {name: read(getattr(message, name)) for name, read in parts}
 
 
-def _value_reader(kind: str, inner: list[str] | None) -> Read:
+def _value_reader(kind: str, inner: list[str] | None, most: int | None) -> Read:
     many = SEQUENCE.fullmatch(kind)
     if many:
-        return _sequence_reader(many["of"] or many["array"])
+        item = many["of"] or many["array"]
+        read = _sequence_reader(item, most)
+        return read if most is None else _bounded(read, 4 / 3 if item in _BYTES else 2, most)
     if "/" in kind:
-        return reader(load_type(kind), inner)
+        return reader(load_type(kind), inner, most)
     if kind == "float":
         return shortest
     if kind in ("octet", "byte"):
@@ -84,14 +89,23 @@ def _value_reader(kind: str, inner: list[str] | None) -> Read:
     return lambda value: value
 
 
-def _sequence_reader(kind: str) -> Read:
+def _bounded(read: Read, least: float, most: int) -> Read:
+    """Reads lists, each item of which takes `least` bytes at least; blanks where that is more than `most`."""
+
+    def bounded(values: Any) -> Any:
+        return read(values) if len(values) * least <= most else " " * (most + 1)
+
+    return bounded
+
+
+def _sequence_reader(kind: str, most: int | None) -> Read:
     if kind in _BYTES:
         return lambda values: b"".join(values) if isinstance(values, list) else bytes(values)
     if kind == "float":
         return all_shortest
     if "/" not in kind:
         return lambda values: values.tolist() if hasattr(values, "tolist") else list(values)
-    one = _value_reader(kind, None)
+    one = _value_reader(kind, None, most)
     return lambda values: [one(value) for value in values]
 
 

@@ -70,7 +70,8 @@ class RelayedFeedback:
         self.observed: Observed | None = None
         self._queue: ForwardQueue | None = None
         if stream is not None:
-            self.observed = Observed(shared.node, stream, envelope=(message_type, "feedback"), stamped_here=True)
+            envelope = message_type, "feedback"
+            self.observed = Observed(shared.node, stream, envelope=envelope, stamped_here=True, frame=shared.frame)
             if is_filtered(stream):
                 passing = Passing(shared.link, shared.board, stream, shared.clocks)
                 self._queue = ForwardQueue(passing, self._release, lambda message, _: self._settle(message))

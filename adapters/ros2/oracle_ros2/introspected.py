@@ -52,7 +52,7 @@ class CallStream:
         unread = lacking(message_type, stream.get("reads") or ())
         self.lacking = not_there(f"the {self.kind} of {stream['type']}", unread)
         """Which fields the spec reads that the type does not have here."""
-        self._read = reader(message_type, stream["fields"])
+        self._read = reader(message_type, stream["fields"], shared.frame)
 
     def send(self, told: Told, message: Any, goal: Goal, call: int | None = None, status: str | None = None) -> None:
         """Report one of them."""
@@ -155,7 +155,7 @@ class IntrospectedAction:
         self.subscription: Any = None
         if "feedback" in streams:
             envelope = impl.FeedbackMessage, "feedback"
-            self._feedback = self.observed = Observed(node, streams["feedback"], envelope=envelope)
+            self._feedback = self.observed = Observed(node, streams["feedback"], envelope=envelope, frame=shared.frame)
             self.subscription = MatchedSubscription(node, envelope[0], hidden(name, "feedback"), self._take_feedback)
             self.observed.is_foreign = self.subscription.is_foreign
         self._statuses: MatchedSubscription | None = None

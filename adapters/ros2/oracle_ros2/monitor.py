@@ -51,7 +51,7 @@ class Monitor:
         self._watch, self._silent, self._torn = None, SilentClock(self._now), TornClock()
         if simulated(node):
             self._watch = on_back(node, self._renew)
-        shared = Shared(node, link, board, names, clocks)
+        shared = Shared(node, link, board, names, clocks, attached.limits.get("max_frame"))
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
         observed = [stream for part in self._parts for stream in part.streams]
         clocks.follow(observed)

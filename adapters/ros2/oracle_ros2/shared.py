@@ -13,10 +13,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Shared:
-    """The node that all belong to, the link and the board that all report to, the streams' names here and clocks."""
+    """The node that all belong to, the link and the board that all report to, the streams' names, clocks, limits."""
 
     node: Node
     link: Link
     board: Board
     names: Names
     clocks: Clocks
+    frame: int | None = None
+    """How large an event may be (bytes); None where nothing limits it, as in a log."""

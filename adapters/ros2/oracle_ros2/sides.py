@@ -38,7 +38,7 @@ class Side:
             self._passing = Passing(shared.link, shared.board, stream, shared.clocks)
         what = f"the {self.kind} of {stream['type']}"
         troubles = [not_there(what, lacking(message_type, stream.get("reads") or ()))]
-        self._read = reader(message_type, stream["fields"])
+        self._read = reader(message_type, stream["fields"], shared.frame)
         self._stamp = stream["stamp"] and stamp_reader(message_type, stream["stamp"])
         self.latency: int | None = stream["latency"] if self._stamp else None
         self.time_source: TimeSource = "field" if self._stamp else "arrival"

@@ -34,12 +34,12 @@ class Observed:
 
     def __init__(
         self, node: Node, stream: Mapping[str, Any], on_new: Callable[[], None] = lambda: None,
-        envelope: tuple[Any, str] | None = None, *, stamped_here: bool = False,
+        envelope: tuple[Any, str] | None = None, *, stamped_here: bool = False, frame: int | None = None,
     ) -> None:  # fmt: skip
         """`on_new` is called before the first message of each publisher is an event.
 
         `envelope`: the type of the messages, and its field in which is what the stream's events are about.
-        `stamped_here`: as they are queued for the oracle, unless the spec names a field.
+        `stamped_here`: as they are queued for the oracle, unless the spec names a field. `frame`: as in `Shared`.
         """
         self._now = time_of(node)
         self._beginning = Beginning(self._now)
@@ -59,7 +59,7 @@ class Observed:
             self.misplaced = misplaced(stream["type"], stream["stamp"], self.time_source)
         self.lacking = not_there(stream["type"], lacking(inner, stream.get("reads") or ()))
         """Which fields the spec reads that the type does not have here."""
-        self._read = reader(inner, stream["fields"])
+        self._read = reader(inner, stream["fields"], frame)
         self._check_texts = hidden_text_check(self.type)
         self.is_foreign: Callable[[str], bool] = lambda _: False
         """Whether messages of a source are defined otherwise than here: they can't be read."""
@@ -122,7 +122,7 @@ class LoggedTopic:
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
         self._link = shared.link
-        self.observed = Observed(shared.node, topic.first)
+        self.observed = Observed(shared.node, topic.first, frame=shared.frame)
         self.streams = [self.observed]
         resolve = shared.node.resolve_topic_name
         has_monitors = resolve(shared.names[topic.name]) in map(resolve, OWN)
@@ -177,7 +177,7 @@ class FilteredTopic:
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
         node, stream = shared.node, topic.first
-        self.observed = Observed(node, stream, self._match)
+        self.observed = Observed(node, stream, self._match, frame=shared.frame)
         self.streams = [self.observed]
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
