@@ -13,7 +13,7 @@ import pytest
 
 from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
-from tests.ros2.test_qos import pytestmark, scene
+from tests.ros2.test_qos import EFFORT, LASTING, profile, pytestmark, scene
 
 __all__ = ["pytestmark", "scene"]
 endpoints = pytest.importorskip("oracle_ros2.endpoints")
@@ -110,6 +110,22 @@ def test_who_publishes_another_type_keeps_nothing_from_being_read_where_sources_
     eventually(heard.look, lambda trouble: trouble == text)
     eventually(lambda: heard.sources, lambda found: len(found) == 2)
     assert not heard.is_foreign("")
+    heard.stop()
+
+
+def test_what_publishers_of_another_type_offer_does_not_count(scene: Scene) -> None:
+    """They do not match by their type: what they offer is no reason to do without what others have kept."""
+    monitor, pilot, other = scene.peer("monitor"), scene.peer("pilot"), scene.peer("other")
+    kept = pilot.node.create_publisher(msg.Int64, "/n", profile(durability=LASTING))
+    kept.publish(msg.Int64(data=5))
+    other.node.create_publisher(msg.String, "/n", profile(EFFORT))
+    eventually(lambda: monitor.node.count_publishers("/n"), lambda count: count == 2)
+    taken: list[bytes] = []
+    heard = endpoints.MatchedSubscription(monitor.node, msg.Int64, "/n", lambda message, _: taken.append(message))
+    text = "/other publishes it as std_msgs/msg/String, not as std_msgs/msg/Int64"
+    eventually(heard.look, lambda trouble: trouble == text)
+    assert heard.lasts()
+    monitor.until(lambda: taken, "what was kept does not come")
     heard.stop()
 
 

@@ -45,7 +45,7 @@ class MatchedSubscription:
         """Subscribe at once."""
         self._node, self._type, self._topic, self._take = node, message_type, topic, take
         self.offered: list[QoSProfile] = []
-        """What the publishers offer, as of the last look."""
+        """What the publishers of the type offer, as of the last look; of another type nothing comes."""
         self._definition: bytes | None = None
         self._foreign: list[str] = []  # the publishers whose type is defined otherwise
         self._looked_for: set[str] = set()
@@ -126,7 +126,7 @@ class MatchedSubscription:
 
     def _look_around(self) -> Sequence[Any]:
         found = self._node.get_publishers_info_by_topic(self._topic)
-        self.offered = [info.qos_profile for info in found]
+        self.offered = [info.qos_profile for info in found if info.topic_type == type_name(self._type)]
         self._foreign = [bytes(info.endpoint_gid).hex() for info in found if self._is_other(info)]
         return found
 
