@@ -192,6 +192,38 @@ def test_calls_that_may_go_at_once_are_as_many_as_a_service_keeps_until_it_answe
         made.destroy()
 
 
+@pytest.mark.parametrize("takes", [0.01, 0.06, 0.3])
+def test_a_service_that_takes_its_time_for_each_of_many_calls_loses_none(
+    takes: float, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def serve(_: Any, response: Any) -> Any:
+        clock[0] += takes
+        return response
+
+    with Scene(tmp_path) as scene:
+        caller, other = scene.peer("caller"), scene.peer("other")
+        other.node.create_service(srv.Trigger, "/led", serve)
+        answers: list[Any] = []
+        made = relay.Relay(caller.node, srv.Trigger, "/led", "/led_mon", nothing, lambda call, _: answers.append(call))
+        caller.until(lambda: made.is_there, "nobody serves /led")
+        for _ in range(40):
+            made._serve(srv.Trigger.Request(), lambda response: None)
+        calls = made.open
+        assert all(made.forward(call) for call in calls)
+
+        def all_answered() -> bool:
+            caller._executor.spin_once(timeout_sec=0)
+            made.catch_up()
+            return len(answers) == 40
+
+        other.until(all_answered, "calls are lost")
+        assert answers == calls
+        made.destroy()
+
+
 def test_a_service_that_takes_long_gets_more_calls_though_it_answers_none(
     peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,6 +240,6 @@ def test_a_service_that_takes_long_gets_more_calls_though_it_answers_none(
         made.catch_up()
         made.catch_up()
         gone.append(sum(call.forwarded for call in made.open))
-        clock[0] += relay.PAUSE
+        clock[0] += 1.25 * relay.PAUSE
     assert gone == [8, 16, 20]
     made.destroy()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
-PAUSE = 1.0  # seconds after which a service that answers none of so many gets more: it may work on all at once
+PAUSE = 1.0  # seconds without an answer after which a service gets more: it may work on all at once
 UNDERWAY = 0.2  # seconds that an answer may take to its client
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
@@ -52,8 +52,8 @@ class Call:
 class Relay:
     """Serves a proxy's name, and calls a service with what its owner lets pass. No call waits for another's answer.
 
-    Of a burst the service gets `AT_ONCE`, and more as it answers, or after a `PAUSE`: its queue keeps ten calls, and
-    drops the oldest of more.
+    Of a burst the service gets `AT_ONCE`, and more as it answers, or after a `PAUSE` without an answer: its queue
+    keeps ten calls, and drops the oldest of more.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Relay:
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, Call] = {}  # without an answer
         self._waiting: deque[Call] = deque()  # for the service to be discovered, or to have read those before
-        self._ahead, self._since = 0, 0.0  # calls that it has not answered, of those that have gone to it since (s)
+        self._ahead, self._since = 0, 0.0  # calls that it has not answered, and since when it has answered none (s)
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience = discovery
         self._requests, self._responses = Unreadable(), Unreadable()
@@ -192,7 +192,7 @@ class Relay:
         def take(done: Any) -> None:
             call.answered, call.lost = True, self._responses.unread.take()
             with self._lock:
-                self._ahead = max(0, self._ahead - 1)
+                self._ahead, self._since = max(0, self._ahead - 1), time.monotonic()
             self._on_response(call, done.result())
             self._go_on()
 
