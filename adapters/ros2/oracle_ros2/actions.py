@@ -13,7 +13,7 @@ from oracle_ros2.codec import load_type, write
 from oracle_ros2.feedback import RelayedFeedback
 from oracle_ros2.goals import Goals
 from oracle_ros2.graph import hidden, past_proxy
-from oracle_ros2.relay import DISCOVERY, UNDERWAY, Relay
+from oracle_ros2.relay import UNDERWAY, Relay
 from oracle_ros2.sides import Side, now
 from oracle_ros2.stamps import ros_time, time_of
 from oracle_ros2.standing import RelayedStatus
@@ -35,6 +35,8 @@ SERVICES = ("send_goal", "cancel_goal", "get_result")
 RESULT_DISCOVERY = 10.0
 """Seconds for an action's server to be discovered before a result is told as ABORTED: the goal may be one that it has
 accepted before this adapter began, and go on."""
+RESULT_PAUSE = 0.1
+"""Seconds after which the server gets more of many calls for results: it reads them at once, and answers in the end."""
 
 
 class ProxiedAction:
@@ -65,9 +67,9 @@ class ProxiedAction:
 
         def relay(
             kind: Any, service: str, ask: Callable[[Call], None], answer: Callable[[Call, Any], None],
-            discovery: float = DISCOVERY,
+            *patience: float,
         ) -> Relay:  # fmt: skip
-            return Relay(node, kind, *topics(service), ask, answer, discovery)
+            return Relay(node, kind, *topics(service), ask, answer, *patience)
 
         self._feedback = RelayedFeedback(
             shared, self.name, streams.get("feedback"), impl.FeedbackMessage, topics("feedback"), self._goals
@@ -76,7 +78,7 @@ class ProxiedAction:
         self._sending = relay(impl.SendGoalService, "send_goal", self._ask_goal, self._answer_goal)
         self._cancelling = relay(CancelGoal, "cancel_goal", self._ask_cancel, self._answer_cancel)
         self._results = relay(
-            impl.GetResultService, "get_result", self._ask_result, self._answer_result, RESULT_DISCOVERY
+            impl.GetResultService, "get_result", self._ask_result, self._answer_result, RESULT_DISCOVERY, RESULT_PAUSE
         )
         self._withdrawals = Withdrawals(self._cancelling)
         observed = {**self._sides, "feedback": self._feedback.observed, "status": self._status.observed}

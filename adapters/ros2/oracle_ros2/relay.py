@@ -52,17 +52,19 @@ class Call:
 class Relay:
     """Serves a proxy's name, and calls a service with what its owner lets pass. No call waits for another's answer.
 
-    Of a burst the service gets `AT_ONCE`, and more as it answers, or after a `PAUSE` without an answer: its queue
+    Of a burst the service gets `AT_ONCE`, and more as it answers, or after a pause without an answer: its queue
     keeps ten calls, and drops the oldest of more.
     """
 
     def __init__(
         self, node: Node, service_type: Any, served: str, proxy: str,
         on_request: Callable[[Call], None], on_response: Callable[[Call, Any], None], discovery: float = DISCOVERY,
+        pause: float = PAUSE,
     ) -> None:  # fmt: skip
         """Serve at once. `on_request` and `on_response` are called in the thread of the callbacks.
 
         `discovery`: seconds for the service to be discovered at first; once it was, it has `DISCOVERY` to come back.
+        `pause`: seconds after which it gets more of a burst, though it answers none.
         """
         self._node, self._on_request, self._on_response = node, on_request, on_response
         self._calls = call_numbers()
@@ -71,7 +73,7 @@ class Relay:
         self._waiting: deque[Call] = deque()  # for the service to be discovered, or to have read those before
         self._ahead, self._since = 0, 0.0  # calls that it has not answered, and since when it has answered none (s)
         self._away: float | None = None  # since when the service has not been there (s)
-        self._patience = discovery
+        self._patience, self._pause = discovery, pause
         self._requests, self._responses = Unreadable(), Unreadable()
         self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
@@ -133,7 +135,7 @@ class Relay:
         if self._client.service_is_ready():
             self._away, self._patience = None, DISCOVERY
             with self._lock:
-                if now - self._since >= PAUSE:
+                if now - self._since >= self._pause:
                     self._ahead = 0
             self._go_on()
             return self._left_alone(now)
