@@ -27,8 +27,9 @@ def test_an_event_of_the_stream_tells_them_first_and_one_of_another_stream_later
 
 def test_the_next_event_of_the_link_tells_what_was_lost_before() -> None:
     outbox = Outbox(3, Stats())
-    outbox.miss(2)
+    assert (outbox.miss(0), outbox.miss(2), outbox.miss(0)) == (False, True, True)
     first, second = outbox.put(1, "{}", lost=1), outbox.put(2, "{}")
+    assert not outbox.miss(0)
     assert first is not None
     assert second is not None
     assert (first.lost, second.lost) == (3, 0)
@@ -38,8 +39,9 @@ def test_the_next_line_of_a_log_tells_what_was_lost_before(tmp_path: Path) -> No
     path = tmp_path / "log.jsonl"
     described = {"streams": [], "spec": "s", "spec_digest": "d"}
     log = LogFile(str(path), described, "uav1", lambda *_: None, lambda _: None)
-    log.lost(2)
+    assert (log.lost(0), log.lost(2), log.lost(0)) == (False, True, True)
     assert log.send("/a", "topic", 1, {}, lost=1)
+    assert not log.lost(0)
     assert log.send("/a", "topic", 2, {})
     log.close()
     assert [json.loads(line).get("lost") for line in path.read_text().splitlines()] == [3, None]

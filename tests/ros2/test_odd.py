@@ -115,13 +115,17 @@ def test_what_cannot_be_read_is_lost_though_no_event_of_its_topic_follows(tmp_pa
             wide.publish(LITTLE_ENDIAN + b"\xff\xff\xff\x7fa")
         adapter.said("/wide: /wrong publishes what can't be read: ")
         wrong.node.destroy_publisher(wide)
-        adapter.said("/wide: recovered")
+        adapter.said("/wide: a publisher that has ended has published what can't be read: ")
+        eventually(
+            lambda: scene.server.session("s"), lambda found: "a publisher that has ended" in str(found["monitors"])
+        )
 
         def lost() -> Any:
             texts.publish(msg.String(data="a"))
             return scene.server.session("s")["counters"]["lost"]
 
         eventually(lost, lambda count: count == 2)
+        adapter.said("/wide: recovered")
         adapter.ends_well()
 
 

@@ -130,10 +130,10 @@ class Exchange:
         elif self._at_once is not None:
             self._at_once()
 
-    def miss(self, count: int) -> None:
-        """Have the next event tell that so many were lost before it."""
+    def miss(self, count: int) -> bool:
+        """Have the next event tell that so many were lost before it; True where it has to."""
         with self._lock:
-            self._protocol.miss(count)
+            return self._protocol.miss(count)
 
     def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Queue what was done with an ask, to be sent with others of the next moments."""

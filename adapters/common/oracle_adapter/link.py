@@ -173,10 +173,12 @@ class Link:
         body = _body(stream, kind, data, ask=True, **more)
         self._exchange.ask(stamp, body, more.get("lost") or 0, decide_within, then)
 
-    def lost(self, count: int) -> None:
-        """Have the next event, of whatever stream, tell that so many could not be read."""
-        if count:
-            self._exchange.miss(count)
+    def lost(self, count: int) -> bool:
+        """Have the next event, of whatever stream, tell that so many could not be read.
+
+        True where events are lost that none has told yet: it may never come.
+        """
+        return self._exchange.miss(count)
 
     def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask; nothing where its event was never queued."""

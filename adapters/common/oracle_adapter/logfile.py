@@ -102,10 +102,11 @@ class LogFile:
             self._on_error(LinkError("lost", f"the log can't be written: {reason}"))
         return False
 
-    def lost(self, count: int) -> None:
-        """Have the next line tell that so many events could not be read before it."""
+    def lost(self, count: int) -> bool:
+        """Have the next line tell that so many could not be read before; True where it has to."""
         with self._lock:
             self._unread += count
+            return self._missed + self._unread > 0
 
     def clock(self, stamps: object) -> None:
         """Ignore it: only the server's ordering needs clocks."""

@@ -94,9 +94,13 @@ class Outbox:
         """Whether an event is more than a frame may be."""
         return HEAD + len(body) > self._max_frame
 
-    def miss(self, count: int) -> None:
-        """Count events that were lost before they came here: the next event tells it."""
+    def miss(self, count: int) -> bool:
+        """Count events that were lost before they came here: the next event tells it.
+
+        True where some are lost that none has told yet.
+        """
         self._missed += count
+        return self._missed > 0
 
     def clock(self, stamps: Iterable[ClockStamp]) -> None:
         """Queue clocks after every event queued so far."""

@@ -127,9 +127,9 @@ class Protocol:
         if answer.event is not None and self.ended is None:
             self._outbox.marks.handled(answer.event, passed, why)
 
-    def miss(self, count: int) -> None:
-        """Have the next event tell that so many were lost before it."""
-        self._outbox.miss(count)
+    def miss(self, count: int) -> bool:
+        """Have the next event tell that so many were lost before it; True where it has to."""
+        return self._outbox.miss(count)
 
     def clock(self, stamps: Any) -> None:
         """Queue the latest clocks."""

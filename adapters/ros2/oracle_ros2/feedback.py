@@ -95,8 +95,8 @@ class RelayedFeedback:
         if self.observed is not None:
             with self._entering:
                 overdue = self.observed.unread.overdue()
-            self._link.lost(overdue)
-            troubles += [self.observed.misplaced, self.observed.lacking, *unreadable(self)]
+            untold = self._link.lost(overdue)
+            troubles += [self.observed.misplaced, self.observed.lacking, *unreadable(self, untold)]
         return troubles
 
     def reply_settled(self, goal: Goal) -> None:

@@ -189,8 +189,13 @@ class IntrospectedAction:
         troubles = [trouble for events in self._events for trouble in events.look(self._unserved.is_served)]
         troubles += [side.lacking for side in self._sides.values()]
         if self._feedback is not None:
-            self._link.lost(self._feedback.unread.overdue())
-            troubles += [self.subscription.look(), self._feedback.misplaced, self._feedback.lacking, *unreadable(self)]
+            untold = self._link.lost(self._feedback.unread.overdue())
+            troubles += [
+                self.subscription.look(),
+                self._feedback.misplaced,
+                self._feedback.lacking,
+                *unreadable(self, untold),
+            ]
         if self._statuses is not None and self._status is not None:
             troubles.append(self._statuses.look())
             self._status.keep(self._statuses.sources)

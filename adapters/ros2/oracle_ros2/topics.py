@@ -150,10 +150,15 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        self._link.lost(self.observed.unread.overdue())
+        untold = self._link.lost(self.observed.unread.overdue())
         if self._monitors is not None:
             self._monitors.look()
-        troubles = (self.subscription.look(), self.observed.misplaced, self.observed.lacking, *unreadable(self))
+        troubles = (
+            self.subscription.look(),
+            self.observed.misplaced,
+            self.observed.lacking,
+            *unreadable(self, untold),
+        )
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
@@ -215,11 +220,11 @@ class FilteredTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        self._link.lost(self.observed.unread.overdue())
+        untold = self._link.lost(self.observed.unread.overdue())
         heard = self.subscription
         found = heard.look(), self._publisher.look(heard.offered, heard.sources)
         self._unguarded = unguarded(self._node, self._heard, self._given)
-        troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self))
+        troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self, untold))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
@@ -240,12 +245,14 @@ class FilteredTopic:
             self._queue.take((message, more["source"]), stamp, data, **more)
 
 
-def unreadable(topic: LoggedTopic | FilteredTopic) -> Iterator[str]:
-    """Whose messages can't be read, and why."""
+def unreadable(topic: LoggedTopic | FilteredTopic, untold: bool) -> Iterator[str]:
+    """Whose messages can't be read, and why; of who has ended while that may be `untold` by an event, as the last."""
     for source, why in list(topic.observed.unreadable.items()):
         there = bool(topic.subscription.sources) and not source  # before Kilted it is not known who
         node = "one of its publishers" if there else topic.subscription.publisher(source)
-        if node is None:
-            del topic.observed.unreadable[source]  # its publisher has ended
+        if node is None and (untold or topic.observed.unread):
+            yield f"a publisher that has ended has published what can't be read: {why}"
+        elif node is None:
+            del topic.observed.unreadable[source]
         else:
             yield f"{node} publishes what can't be read: {why}"
