@@ -108,9 +108,14 @@ def test_a_clock_that_does_not_come_is_told_until_it_does(tmp_path: Path) -> Non
 def test_a_clock_that_tells_what_is_no_time_ends_nothing(tmp_path: Path) -> None:
     with Scene(tmp_path / "scene") as scene:
         adapter = scene.adapter("battery_uav", more=("--ros-args", "-p", "use_sim_time:=true"))
-        world = Simulation(scene.peer())
-        world.at(-5)
-        adapter.said("/clock: a message can't be read: ")
+        peer = scene.peer()
+        world = Simulation(peer)
+
+        def told() -> bool:
+            world.at(-5)
+            return "/clock: a message can't be read: " in adapter.log
+
+        peer.until(told)
         world.at(100)
         world.percentage(1, 100.01)
         world.run_until("s", scene, 100, 1)
