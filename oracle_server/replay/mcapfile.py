@@ -138,7 +138,7 @@ class McapFile(InBlocks):
             elif kind == _SCHEMA:
                 name, at = _string(data, 2)
                 encoding, at = _string(data, at)
-                self._schemas.setdefault(_short(data, 0), (name, encoding, _string(data, at)[0]))
+                self._schemas.setdefault(_short(data, 0), (name, encoding, _bytes(data, at).decode(errors="replace")))
             elif kind == _CHANNEL:
                 number, schema = _short(data, 0), _short(data, 2)
                 topic, at = _string(data, 4)
@@ -233,7 +233,13 @@ def _map(data: bytes, at: int) -> dict[str, str]:
 
 def _string(data: bytes, at: int) -> tuple[str, int]:
     """The text at a place, and the place behind it. Raises struct.error and UnicodeDecodeError."""
+    found = _bytes(data, at)
+    return found.decode(), at + 4 + len(found)
+
+
+def _bytes(data: bytes, at: int) -> bytes:
+    """The bytes at a place, behind their number: a schema need be no text. Raises struct.error."""
     (length,) = struct.unpack_from("<I", data, at)
     if at + 4 + length > len(data):
         raise struct.error
-    return data[at + 4 : at + 4 + length].decode(), at + 4 + length
+    return data[at + 4 : at + 4 + length]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -231,3 +232,37 @@ def test_one_message_of_many_is_enough(tmp_path: Path) -> None:
     found = judge(spec(tmp_path), log(tmp_path, {"data": False}, {"data": "x"}, {"data": False}))
     assert found.exit == 2
     assert "/armed: 1 of its 3 messages is no std_msgs/msg/Bool: `data` is 'x'" in found.said
+
+
+SCENE = b"\n\xb2\x02\n\x15foxglove/Scene.proto\x12\xff\xfe"
+"""How a schema of protobuf looks, which is no text."""
+
+
+def mixed(path: Path, definition: bytes, topics: dict[str, tuple[str, bytes]]) -> Path:
+    """An MCAP file of /armed, and of other topics, each with the encoding and the text of its schema."""
+    with path.open("wb") as out:
+        writer = Writer(out)
+        writer.start(profile="ros2", library="test")
+        bool_ = writer.register_schema("std_msgs/msg/Bool", "ros2msg", definition)
+        ids = {writer.register_channel("/armed", "cdr", bool_): b"\0\1\0\0\0"}
+        for topic, (encoding, text) in topics.items():
+            schema = writer.register_schema("foxglove.SceneUpdate", encoding, text)
+            ids[writer.register_channel(topic, encoding, schema)] = b"\x0a\x01"
+        for at in range(20):
+            for channel, raw in ids.items():
+                writer.add_message(channel, BASE + at * MS, raw, BASE + at * MS)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+def test_a_schema_beside_the_specs_need_be_no_text(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), mixed(tmp_path / "x.mcap", b"bool data\n", {"/scene": ("protobuf", SCENE)}))
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+    assert len(found.rows) == 20
+    assert not any(row["degraded"] for row in found.rows)
+
+
+def test_a_comment_of_a_definition_may_be_in_another_encoding(tmp_path: Path) -> None:
+    path = mixed(tmp_path / "x.mcap", "# größer als 5 °C\nbool data\n".encode("latin-1"), {})
+    found = judge(spec(tmp_path), path)
+    assert (len(found.rows), found.exit, found.strict, found.said) == (20, 0, 0, "")
