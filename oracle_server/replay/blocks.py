@@ -37,6 +37,10 @@ class Block(NamedTuple):
     size: int = 0
     end: int = LATEST
 
+    def place(self, at: int) -> int:
+        """The place of a message in the file, by that in the block's content."""
+        return (self.offset << 32) + at
+
 
 class InBlocks(ABC):
     """The messages of a file that has them in blocks, and between which times they were recorded."""

@@ -33,7 +33,7 @@ def read_mcap(path: Path, spec: Spec) -> Trace:
     def lines() -> Iterator[tuple[str, bytes]]:
         file = McapFile(path)
         try:
-            for number, (_, _, data, _) in enumerate(file.in_file_order(), start=1):
+            for number, (_, _, data, *_) in enumerate(file.in_file_order(), start=1):
                 if data.startswith(_LINE):
                     yield f"{path}: message {number}", data
         finally:

@@ -185,7 +185,8 @@ class McapFile(InBlocks):
                     if channel not in self._channels:
                         self._unnamed(block, channel)
                     if wanted is None or channel in wanted:
-                        yield channel, time, data[at + _MESSAGE_HEAD.size : at + length], published
+                        raw = data[at + _MESSAGE_HEAD.size : at + length]
+                        yield channel, time, raw, published, block.place(at)
             elif kind in (_SCHEMA, _CHANNEL):
                 self._note(kind, data[at : at + length])
             at += length

@@ -144,7 +144,7 @@ class Ros1File(InBlocks):
                     if number not in self._channels:
                         self._unnamed(block, number)
                     if asked:
-                        yield number, time, data[end - length : end], 0
+                        yield number, time, data[end - length : end], 0, block.place(at)
                 elif kind == _CONNECTION:
                     self._connection(fields, data[end - length : end])
                 at = end

@@ -17,7 +17,7 @@ LOG = "-wal"
 """What follows a database's name in that of the file with what was committed, and is not in the database yet."""
 _NO_ROOM = frozenset({sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE})
 """What sqlite says where it can't write what it sorts."""
-_MESSAGES = "SELECT topic_id, timestamp, data FROM messages"
+_MESSAGES = "SELECT topic_id, timestamp, data, id FROM messages"
 
 
 class SqliteFile:
@@ -112,11 +112,11 @@ class SqliteFile:
         if not self._whole:
             query = f"{_MESSAGES} NOT INDEXED WHERE {which} ORDER BY id"
         try:
-            for number, time, data in self._database.execute(query, tuple(wanted)):
+            for number, time, data, place in self._database.execute(query, tuple(wanted)):
                 if not isinstance(time, int) or not isinstance(data, bytes):
                     self.damages.append("has a message that can't be read")
                     continue
-                yield number, time, data, 0
+                yield number, time, data, 0, place
         except sqlite3.Error as error:
             if getattr(error, "sqlite_errorcode", None) in _NO_ROOM:
                 what = "can't be put in order in the folder for temporary files (TMPDIR)"

@@ -32,10 +32,10 @@ _LATCHED = frozenset({"1", "true"})
 """As ROS 1 writes it, and as MCAP's profile for ROS 1 has it."""
 LATEST = 2**63 - 1
 """The last time that there is (ns since the epoch)."""
-Message = tuple[int, int, bytes, int]
+Message = tuple[int, int, bytes, int, int]
 """The id of a channel, the time of recording (ns since the epoch), the message as it was sent, and when that was.
 
-The last is 0 where the file does not tell it."""
+That is 0 where the file does not tell it. The last is its place in the file: greater for what stands behind."""
 
 
 class Storage(Protocol):

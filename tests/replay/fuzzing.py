@@ -54,7 +54,7 @@ def rewrite(source: Path, path: Path, form: CompressionType, chunk: int = 1024) 
         for channel in file.channels:
             schema = writer.register_schema(channel.type, channel.encoding, channel.definition.encode())
             channels[channel.id] = writer.register_channel(channel.topic, channel.serialization, schema)
-        for number, at, data, _ in file.in_file_order():
+        for number, at, data, *_ in file.in_file_order():
             writer.add_message(channels[number], at, data, at)
         writer.finish()  # type: ignore[no-untyped-call]
     file.close()

@@ -292,7 +292,7 @@ def test_of_chunks_that_begin_alike_one_at_a_time_is_kept() -> None:
 
     def read(block: Block) -> list[Message]:
         taken.append(block.offset)
-        return [(block.offset, 5, b"", 0), (block.offset, 5 + block.offset % 2, b"", 0)]
+        return [(block.offset, 5, b"", 0, 1), (block.offset, 5 + block.offset % 2, b"", 0, 2)]
 
     found = [(channel, time, len(taken)) for channel, time, *_ in in_order([Block(5, at, 1) for at in range(4)], read)]
     assert found == [(0, 5, 1), (0, 5, 1), (1, 5, 2), (2, 5, 3), (2, 5, 3), (3, 5, 4), (1, 6, 4), (3, 6, 4)]
