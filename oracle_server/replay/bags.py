@@ -25,6 +25,7 @@ from oracle_server.replay.roles import roles
 from oracle_server.replay.scratch import NoRoomError, let_go, unpacking
 from oracle_server.replay.sources import Item, Source, Topic
 from oracle_server.replay.storage import LATEST, Channel, Missing, Storage
+from oracle_server.replay.times import notes_of_span
 from oracle_server.replay.together import together
 from oracle_server.rostypes.bagtypes import typestore
 
@@ -77,6 +78,7 @@ class Bag:
                 yield from self._events(storages, sources)
                 self.until = _newest(storages)
                 self.notes += [*notes_of(self._topics.values(), files, storages), *self._published.notes()]
+                self.notes += notes_of_span(self.since, self.until)
         except TraceError as error:
             text = one_line(str(error).replace(f"{place}", str(self.path)))
             raise TraceError(text if text.startswith(str(self.path)) else f"{self.path}: {text}") from None

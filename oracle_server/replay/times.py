@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from oracle_server.core.spec import SECOND
@@ -62,11 +63,16 @@ class Times:
         found = [f"{first}: {then}{_such(count)}" for then, (first, count) in self._faults.items()]
         if not self.clocked and self._timeless and (timed or self._timeless < self._events):
             found.append(f"no time passes where none is said: {counted(self._timeless, 'line')} of {self._events}")
-        took = self._last - self._first
-        unit, size = next(((name, size) for name, size in _UNITS if self._first // size in _YEARS), ("", 0))
-        if unit and 0 < took < max(_BRIEF, _DAY * size):
-            found.append(f"its times look like {unit}, and are taken for nanoseconds: all lie within {took} ns")
-        return [Note(text, doubt=True) for text in found]
+        return [*(Note(text, doubt=True) for text in found), *notes_of_span(self._first, self._last)]
+
+
+def notes_of_span(first: int, last: int) -> Iterator[Note]:
+    """What is to be said of a recording by its first and its last time (ns): they look like times in another unit."""
+    took = last - first
+    unit, size = next(((name, size) for name, size in _UNITS if first // size in _YEARS), ("", 0))
+    if unit and 0 < took < max(_BRIEF, _DAY * size):
+        text = f"its times look like {unit}, and are taken for nanoseconds: all lie within {took} ns"
+        yield Note(text, doubt=True)
 
 
 def unit_of(stamp: int, arrived: int) -> str:

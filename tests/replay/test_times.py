@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
 from tests.replay.judging import BASE, judge, write_numbers, write_spec
@@ -314,3 +315,18 @@ def test_a_bag_in_the_time_of_a_simulation_has_no_leap(tmp_path: Path) -> None:
     bag = write_numbers(tmp_path / "bag", {"/a": [(-BASE // 10**6 + at, 1.0) for at in range(5)]}, StoragePlugin.MCAP)
     found = judge(write_spec(tmp_path, NUMBERS), bag)
     assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("unit", ["seconds", "milliseconds", "microseconds"])
+def test_times_of_a_bag_in_another_unit_are_said(unit: str, storage: StoragePlugin, tmp_path: Path) -> None:
+    """As a program of its own may write them: no deadline runs out in them."""
+    size = {"seconds": S, "milliseconds": 10**6, "microseconds": 1000}[unit]
+    path, name, store = tmp_path / "bag", "std_msgs/msg/Float64", get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        connection = writer.add_connection("/a", name, typestore=store)
+        for at in range(20):
+            writer.write(connection, (BASE + at * S) // size, store.serialize_cdr(store.types[name](data=1.0), name))
+    found = judge(write_spec(tmp_path, NUMBERS), path)
+    assert (found.exit, found.strict) == (0, 3)
+    assert f"its times look like {unit}, and are taken for nanoseconds: all lie within" in found.said
