@@ -194,8 +194,9 @@ class Bag:
     def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> Iterator[Recorded]:
         now = seq = 0
         wanted = [{n: s for n, s in own.items() if s.topic.role is not None} for own in sources]
-        for source, time, raw, told in together(storages, wanted, self._note_gap):
+        for source, recorded, raw, told in together(storages, wanted, self._note_gap):
             self.read += 1
+            time = recorded or self.since  # it is none: recorders in a simulation write it until they hear its clock
             try:
                 items = self._items(source, time, raw, told)
             except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages

@@ -51,6 +51,8 @@ class InBlocks(ABC):
         """The time of the oldest message that was read; 0 where none was."""
         self._newest: int | None = None
         """The time of the newest message that was read; None where none was."""
+        self._untold = True
+        """Whether the parts were not read yet whose headings do not tell when they begin."""
         self._nameless: set[int] = set()
         """The channels that were said to have no topic."""
 
@@ -60,7 +62,17 @@ class InBlocks(ABC):
 
     @property
     def oldest(self) -> int:
-        """The time of the first message, by the headings of the file's parts and what was read of them."""
+        """The time of the first message, by the headings of the file's parts and what was read of them.
+
+        Parts whose headings have 0, which is no time, are read.
+        """
+        untold, self._untold = self._untold, False
+        newest = self._newest
+        for block in self._blocks if untold and not self._oldest else ():
+            if not block.start:
+                for _ in self._in_block(block, ()):
+                    pass
+        self._newest = newest  # it is that of all parts, once it is known
         times = (self._oldest, *(block.start for block in self._blocks))
         return min((time for time in times if time), default=0)
 
@@ -83,7 +95,8 @@ class InBlocks(ABC):
 
     def _heard(self, time: int) -> None:
         """Note the time of a message that was read, whatever its channel."""
-        self._oldest = min(self._oldest or time, time)
+        if time:
+            self._oldest = min(self._oldest or time, time)
         self._newest = max(self._newest or 0, time)
 
     @abstractmethod

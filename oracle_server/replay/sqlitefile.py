@@ -137,9 +137,10 @@ class SqliteFile:
 
     def _times(self, which: str) -> Iterator[int]:
         """The first or the last time of recording (`min`, `max`); of a file that ends early all that can be read."""
-        query = f"SELECT {which}(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"  # noqa: S608
+        sound = "typeof(timestamp) = 'integer' AND timestamp > 0"
+        query = f"SELECT {which}(timestamp) FROM messages WHERE {sound}"  # noqa: S608
         if not self._whole:
-            query = "SELECT timestamp FROM messages NOT INDEXED WHERE typeof(timestamp) = 'integer' ORDER BY id"
+            query = f"SELECT timestamp FROM messages NOT INDEXED WHERE {sound} ORDER BY id"  # noqa: S608
         with suppress(sqlite3.Error):
             for (time,) in self._database.execute(query):
                 if time:

@@ -99,3 +99,23 @@ def test_no_time_passes_where_none_is_said(tmp_path: Path) -> None:
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     found = judge(spec(tmp_path), path)
     assert (found.exit, missed(found)) == (0, [])
+
+
+ALIVE = """
+id: alive
+streams: [{topic: /scan}]
+properties: [{id: scans_come, time: seconds, formula: 'historically once[:2s] {topic: "/scan"}'}]
+"""
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("begins", [0, 500_000 - BASE // MS], ids=["by the clock", "in a simulation"])
+def test_a_time_of_zero_is_none(begins: int, storage: StoragePlugin, tmp_path: Path) -> None:
+    """As a recorder in a simulation writes before it has heard of its time: nobody waited since then."""
+    topics = {
+        topic: [(-BASE // MS, 1.0), *((begins + at, 1.0) for at in range(0, 5_000, 500))] for topic in ("/scan", "/tf")
+    }
+    found = judge(write_spec(tmp_path, ALIVE), write_numbers(tmp_path / "bag", topics, storage))
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+    first = BASE + begins * MS
+    assert [row["arrived"] for row in found.rows[:2]] == [first, first]
