@@ -138,7 +138,9 @@ class McapFile(InBlocks):
             elif kind == _SCHEMA:
                 name, at = _string(data, 2)
                 encoding, at = _string(data, at)
-                self._schemas.setdefault(_short(data, 0), (name, encoding, _bytes(data, at).decode(errors="replace")))
+                told = name, encoding, _bytes(data, at).decode(errors="replace")
+                if self._schemas.setdefault(_short(data, 0), told) != told:
+                    self.damages.append(f"tells two types of schema {_short(data, 0)}, one of them {name}")
             elif kind == _CHANNEL:
                 number, schema = _short(data, 0), _short(data, 2)
                 topic, at = _string(data, 4)
@@ -151,6 +153,8 @@ class McapFile(InBlocks):
                     self._schema_of[number] = schema
                 elif before.topic != topic:  # as of files that were put together
                     self.damages.append(f"tells two topics of channel {number}, {before.topic} and {topic}")
+                elif (self._schema_of[number], before.serialization) != (schema, serialization):
+                    self.damages.append(f"tells two types of channel {number}, {topic}")
             elif kind == _STATISTICS:
                 at = _STATISTICS_HEAD.size + 4
                 pairs = struct.iter_unpack("<HQ", data[at : at + struct.unpack_from("<I", data, at - 4)[0]])
