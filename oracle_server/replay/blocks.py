@@ -55,6 +55,8 @@ class InBlocks(ABC):
         """Whether the parts were not read yet whose headings do not tell when they begin."""
         self._nameless: set[int] = set()
         """The channels that were said to have no topic."""
+        self._early: set[int] = set()
+        """The places of blocks that were said to have messages older than their headings say."""
 
     def messages(self, wanted: Collection[int]) -> Iterator[Message]:
         """The messages of these channels, by the time of recording."""
@@ -93,8 +95,11 @@ class InBlocks(ABC):
             self._nameless.add(channel)
             self._damaged(block, f"has messages of channel {channel}, of which the file does not tell the topic")
 
-    def _heard(self, time: int) -> None:
-        """Note the time of a message that was read, whatever its channel."""
+    def _heard(self, block: Block, time: int) -> None:
+        """Note the time of a message that was read, whatever its channel; by that of its block it is out of order."""
+        if 0 < time < block.start and block.offset not in self._early:
+            self._early.add(block.offset)
+            self._damaged(block, "has messages older than its heading says, which come behind others")
         if time:
             self._oldest = min(self._oldest or time, time)
         self._newest = max(self._newest or 0, time)

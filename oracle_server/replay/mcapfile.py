@@ -185,7 +185,7 @@ class McapFile(InBlocks):
                 if time > LATEST:
                     self._damaged(block, f"has a message of channel {channel} at {time} ns, which is no time")
                 else:
-                    self._heard(time)
+                    self._heard(block, time)
                     if channel not in self._channels:
                         self._unnamed(block, channel)
                     if wanted is None or channel in wanted:

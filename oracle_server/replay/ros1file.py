@@ -140,7 +140,7 @@ class Ros1File(InBlocks):
                 asked, stamp = wanted is None or number in wanted, fields.get(b"time", b"")
                 if kind == _MESSAGE and (asked or len(stamp) == 8):  # what nobody asked for does no harm
                     time = _nanoseconds(*struct.unpack("<II", stamp))
-                    self._heard(time)
+                    self._heard(block, time)
                     if number not in self._channels:
                         self._unnamed(block, number)
                     if asked:

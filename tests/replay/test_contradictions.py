@@ -58,3 +58,15 @@ def test_a_topic_whose_type_is_told_twice_is_said(schemas: list[tuple[str, bytes
     assert "x.mcap: tells two types" in found.said
     assert said in found.said
     assert (found.exit, found.strict) == (0, 3)
+
+
+def test_a_chunk_that_is_older_than_its_heading_says_is_said(tmp_path: Path) -> None:
+    """Chunks are read by their headings: its messages come behind those of other chunks."""
+    data = bytearray(written([FLOAT], [0, 100, 200, 300]))
+    struct.pack_into("<Q", data, chunks(bytes(data))[1][0] + _RECORD.size, BASE + 250 * MS)
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    found = judge(write_spec(tmp_path, NUMBERS), path)
+    assert found.said.count("has messages older than its heading says, which come behind others") == 1
+    assert (found.summary["events"], found.exit, found.strict) == (4, 0, 3)
+    assert [row["degraded"] for row in found.rows] == [False, False, True, True]
