@@ -124,7 +124,7 @@ def _listed(folder: Path, information: dict[str, Any]) -> Files:
     names = information.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise TraceError(f"{folder / METADATA}: names no files")
-    paths = [*dict.fromkeys(folder / PurePosixPath(name).name for name in names)]  # none is read twice
+    paths = [*dict.fromkeys(_as_it_is(folder / _base(name)) for name in names)]  # none is read twice
     if not any(path.is_file() for path in paths):
         raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
     notes = [f"{path.name}: is not named in {METADATA}, and was not judged" for path in _beside(folder, paths)]
@@ -138,6 +138,18 @@ def _beside(folder: Path, named: Sequence[Path]) -> Iterator[Path]:
         alike = _plain(path).suffix in suffixes and _plain(path) not in known
         if alike and path.is_file() and begins_as(path) in MAGICS and not is_trace(path):
             yield path
+
+
+def _base(name: str) -> str:
+    """The name of a file, of that in metadata, before which old ROS has folders (by backslashes on Windows)."""
+    return PurePosixPath(name.replace("\\", "/")).name
+
+
+def _as_it_is(path: Path) -> Path:
+    """A file that metadata names; where that is not there a copy, which was compressed since or is so no more."""
+    plain = _plain(path)
+    copies = (plain, plain.with_name(f"{plain.name}.zstd"), plain.with_name(f"{plain.name}.zst"))
+    return next((copy for copy in (path, *copies) if copy.is_file()), path)
 
 
 def _plain(path: Path) -> Path:

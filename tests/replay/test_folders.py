@@ -311,3 +311,25 @@ def test_bags_of_ros_1_have_no_metadata(count: int, tmp_path: Path) -> None:
     assert found.said == ("" if count == 1 else (
         "has 2 bags of ROS 1, which are judged as one that was split; with --on each is one of its own"
     ))  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", [".zstd", ".zst"])
+def test_a_file_that_was_compressed_since_is_read(suffix: str, bag: Path, spec: Path) -> None:
+    """By hand, to save room: the metadata still has its name without that."""
+    (path,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+    path.with_name(f"{path.name}{suffix}").write_bytes(zstandard.compress(path.read_bytes()))
+    path.unlink()
+    found = judge(spec, bag)
+    assert (found.summary["events"], found.exit, found.strict, found.said) == (20, 0, 0, "")
+
+
+def test_a_file_that_was_decompressed_since_is_read(bag: Path, spec: Path) -> None:
+    change(bag, r"(relative_file_paths:\n *- .*)\n", r"\1.zstd\n")
+    found = judge(spec, bag)
+    assert (found.summary["events"], found.exit, found.strict, found.said) == (20, 0, 0, "")
+
+
+def test_a_file_is_named_with_its_folder_on_windows(bag: Path, spec: Path) -> None:
+    change(bag, r"(relative_file_paths:\n *- )(.*)\n", r"\1bag\\\2\n")
+    found = judge(spec, bag)
+    assert (found.summary["events"], found.exit, found.strict, found.said) == (20, 0, 0, "")
