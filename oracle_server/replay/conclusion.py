@@ -221,7 +221,10 @@ def _nothing_observed(replay: Replay) -> str:
 
 
 def _nearest(name: str, others: list[str]) -> list[str]:
-    return difflib.get_close_matches(name, others, n=3, cutoff=0.7)
+    """The names that may be meant: those in another namespace, else those that are alike."""
+    own = f"/{name.strip('/')}"
+    elsewhere = sorted(other for other in others if other.endswith(own) or own.endswith(f"/{other.strip('/')}"))
+    return elsewhere[:3] or difflib.get_close_matches(name, others, n=3, cutoff=0.7)
 
 
 def _reason(replay: Replay, prop: Property, where: Sequence[StreamKey], coverage: Coverage) -> str:

@@ -46,6 +46,12 @@ CASES: dict[str, tuple[list[tuple[str, dict[str, Any]]], int, int, str]] = {
         3,
         "/mode: no event in the recording; it has /mod",
     ),
+    "it is in another namespace": (
+        [("/battery", {"level": 50}), ("/robots/alpha/mode", {}), ("/mod", {})],
+        0,
+        3,
+        "/mode: no event in the recording; it has /robots/alpha/mode",
+    ),
     "a signal is never there": (
         [("/battery", {"level": 50}), ("/mode", {"mode": "auto"})],
         0,
