@@ -9,6 +9,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Bound, Next, Pre, Scalar, walk
 from oracle_server.core.kinds import TICK
@@ -38,6 +39,10 @@ from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
 _FOR_EVER = 2**63
+_OF_ANOTHER = (
+    "does not tell where the session judged it, as the first line does: the recording is put together of several, or "
+    "was changed; give each alone, or use --by to judge the recorded events afresh"
+)
 
 
 class Replay:
@@ -199,6 +204,8 @@ class Replay:
         again = Again(session, self.recording.passed_over)
         waiting: list[tuple[int, Place, Step]] = []
         for recorded in itertools.chain(leading, rest):
+            if not recorded.places:
+                raise TraceError(f"{recorded.place}: {_OF_ANOTHER}")
             event = self._take(recorded)
             while waiting and waiting[0][1].judged < event.arrived:
                 yield again.judge(*heapq.heappop(waiting))

@@ -6,6 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from oracle_server.core.errors import TraceError
+from oracle_server.replay.command import run_replay
 from tests.replay.judging import judge, write_spec
 
 MS = 10**6
@@ -73,3 +77,15 @@ def test_what_comes_before_the_first_event_tells_of_one_order_alone(tmp_path: Pa
         (3, "arrival", "topic", "currently_true"),
         (4, "publication", "topic", "currently_true"),
     ]
+
+
+def test_a_line_that_the_session_did_not_judge_is_refused(tmp_path: Path) -> None:
+    """As where another log was appended: it would count as an event, and never be judged."""
+    at = {"stamp": BASE, "arrived": BASE}
+    own = {"stream": "/x", "monitor": "m", "seq": 1, "signals": {"val": 1}, "places": place(1, 0), "begun": BASE} | at
+    other = {"stream": "/x", "data": {"name": "a", "val": 30}} | at
+    path = tmp_path / "own.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in (own, other)))
+    with pytest.raises(TraceError, match=r"own\.jsonl:2: does not tell where the session judged it"):
+        judge(write_spec(tmp_path, SPEC), path)
+    assert run_replay([write_spec(tmp_path, SPEC)], path, "arrival", "text") == 1
