@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-import sys
 import threading
 from collections.abc import Coroutine
 from concurrent.futures import Future
@@ -20,6 +18,7 @@ from oracle_server.embedded.turns import TurnsLoop
 from oracle_server.history.retention import Pruner
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
+from oracle_server.process.logs import set_up_warnings
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import Settings, load_settings
 from oracle_server.rostypes.known import Types
@@ -42,10 +41,7 @@ class EmbeddedError(OracleError):
 
 def log_warnings() -> None:
     """Let the oracle log warnings and errors alone, to stderr: for a program that is its own, since this is global."""
-    structlog.configure(
-        wrapper_class=structlog.make_filtering_bound_logger(logging.WARNING),
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
-    )
+    set_up_warnings()
 
 
 class EmbeddedOracle:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
+from typing import Final, Literal
 
 import structlog
 from structlog.stdlib import ProcessorFormatter
@@ -25,6 +26,10 @@ KEPT = 4
 """Rotated log files that are kept; `server.log.1` is the newest of them."""
 
 
+_FIRST: Final[list[Processor]] = [
+    structlog.processors.add_log_level,
+    structlog.processors.TimeStamper(fmt="iso", utc=True),
+]
 _LIBRARIES = ("asyncio", "uvicorn.error", "websockets.server")
 """Loggers whose lines anybody who connects can cause."""
 _REFUSED = "ASGI callable returned without completing handshake."
@@ -42,33 +47,51 @@ def set_up_logs(settings: Settings) -> Callable[[], None]:
     """
     handler = LogLines(by_handler(_file(settings.log_file)) if settings.log_file else to_standard_error)
     atexit.register(handler.end)
-    colors = settings.log_file is None and sys.stderr.isatty()
-    renderer = (
-        structlog.processors.JSONRenderer()
-        if settings.log == "json"
-        else structlog.dev.ConsoleRenderer(colors=colors, exception_formatter=structlog.dev.plain_traceback)
-    )
-    first: list[Processor] = [structlog.processors.add_log_level, structlog.processors.TimeStamper(fmt="iso", utc=True)]
-    last: list[Processor] = [
-        ProcessorFormatter.remove_processors_meta,
-        structlog.processors.format_exc_info,
-        *((_escaped,) if settings.log == "console" else ()),
-        renderer,
-    ]
-    handler.setFormatter(ProcessorFormatter(processors=last, foreign_pre_chain=first))
+    handler.setFormatter(_formatter(settings.log, colors=settings.log_file is None and sys.stderr.isatty()))
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
     logging.raiseExceptions = False  # on a full disk, lines are lost without further errors
     logging.getLogger("uvicorn.error").addFilter(_without_traceback)
     for library in _LIBRARIES:
         logging.getLogger(library).addFilter(SeldomFilter())
-    own = logging.getLogger("oracle_server")
-    own.setLevel(logging.INFO)
-    structlog.configure(
-        processors=[*first, ProcessorFormatter.wrap_for_formatter],
-        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=lambda *_: own,
-    )
+    _log_by(logging.getLogger("oracle_server"), logging.INFO)
     return handler.end
+
+
+def set_up_warnings() -> None:
+    """Log warnings and errors alone, to standard error, in a program whose own log is left as it is.
+
+    Where that can't be written, as on a full disk, lines are lost, and nothing else is.
+    """
+    handler = LogLines(to_standard_error)
+    atexit.register(handler.end)
+    handler.setFormatter(_formatter("console", colors=sys.stderr.isatty()))
+    own = logging.getLogger("oracle_server")
+    own.handlers, own.propagate = [handler], False
+    _log_by(own, logging.WARNING)
+
+
+def _log_by(logger: logging.Logger, level: int) -> None:
+    logger.setLevel(level)
+    structlog.configure(
+        processors=[*_FIRST, ProcessorFormatter.wrap_for_formatter],
+        wrapper_class=structlog.make_filtering_bound_logger(level),
+        logger_factory=lambda *_: logger,
+    )
+
+
+def _formatter(form: Literal["console", "json"], *, colors: bool) -> ProcessorFormatter:
+    renderer = (
+        structlog.processors.JSONRenderer()
+        if form == "json"
+        else structlog.dev.ConsoleRenderer(colors=colors, exception_formatter=structlog.dev.plain_traceback)
+    )
+    last: list[Processor] = [
+        ProcessorFormatter.remove_processors_meta,
+        structlog.processors.format_exc_info,
+        *((_escaped,) if form == "console" else ()),
+        renderer,
+    ]
+    return ProcessorFormatter(processors=last, foreign_pre_chain=_FIRST)
 
 
 def _file(path: Path) -> RotatingFileHandler:

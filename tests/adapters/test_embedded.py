@@ -10,6 +10,7 @@ import os
 import random
 import re
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -63,6 +64,26 @@ streams:
   - {topic: /free, signals: {w: msg.w}}
 properties:
   - {id: even, formula: 'not {topic: "/a", odd}', guards: [/a]}
+"""
+
+FULL = """
+import sys, threading
+from oracle_adapter.embedded import EmbeddedLink, log_warnings
+
+def decision(v):
+    return link.ask("/a", "topic", None, {"v": v}, decide_within=60).result(60).decision
+
+log_warnings()
+told = threading.Event()
+with EmbeddedLink(*sys.argv[1:], "m1", session="s", streams=["/a"], on_violation=lambda _: told.set()) as link:
+    link.wait_attached(60)
+    print(decision(1), told.wait(60), flush=True)
+    database = link._oracle._history.store.database
+    for wanted, pages in (("allow", 1), ("deny", 10**6), ("allow", 10**6)):
+        while decision(2) != wanted:
+            pass
+        print(wanted, flush=True)
+        database.execute(f"PRAGMA max_page_count = {pages}")
 """
 
 
@@ -330,6 +351,16 @@ def test_a_full_disk_denies_and_is_told_and_loses_nothing(tmp_path: Path) -> Non
         until("allow")
         assert link.close(PATIENCE)
         assert link.stats().acked == next(asked) - 1
+
+
+def test_a_log_that_can_not_be_written_changes_nothing(tmp_path: Path) -> None:
+    """Violations were told to nobody, and once the history's disk was full, all was denied until the next start."""
+    command: list[str | Path] = [sys.executable, "-c", FULL, guarded(tmp_path), tmp_path / "own"]
+    with open("/dev/full", "wb") as full:
+        ended = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=full, env=environment(), timeout=PATIENCE, check=True
+        )
+    assert ended.stdout.split(b"\n") == [b"deny True", b"allow", b"deny", b"allow", b""]
 
 
 def test_nothing_of_the_process_is_changed(tmp_path: Path) -> None:
