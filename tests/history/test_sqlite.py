@@ -38,6 +38,20 @@ def test_the_database_waits_for_the_disk_as_is_asked(tmp_path: Path, durability:
         assert store.database.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
+@pytest.mark.parametrize("name", ["robot#7", "what?", "100%41"])
+async def test_a_folder_may_have_any_name(tmp_path: Path, name: str) -> None:
+    """Where it had a `#`, an empty database was made beside it, and read instead."""
+    folder = tmp_path / name
+    folder.mkdir()
+    history = SqliteHistory(folder)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await history.flush()
+    assert await history.open_sessions() == [opened()]
+    await asyncio.to_thread(history.close)
+    assert [*tmp_path.iterdir()] == [folder]
+
+
 def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
     assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
 

@@ -11,7 +11,8 @@ from oracle_server.history.sql.reader import Reader
 
 def connect(path: str) -> sqlite3.Connection:
     """A connection that reads a database, whose file is there."""
-    return sqlite3.connect(f"file:{path}?mode=ro", uri=True, isolation_level=None, check_same_thread=False)
+    uri = f"{Path(path).absolute().as_uri()}?mode=ro"  # in a URI `#`, `%` and `?` of a path have other meanings
+    return sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False)
 
 
 class SqliteReader(Reader):
