@@ -52,6 +52,24 @@ async def test_a_folder_may_have_any_name(tmp_path: Path, name: str) -> None:
     assert [*tmp_path.iterdir()] == [folder]
 
 
+async def test_a_file_that_was_deleted_or_moved_takes_nothing(tmp_path: Path) -> None:
+    """What was written to it went on to be acked, and nobody would ever have found it."""
+    history, away = SqliteHistory(tmp_path), tmp_path / "away"
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await history.flush()
+    history.path.rename(away)
+    history.open_session(opened(2, "t"))
+    async with asyncio.timeout(PATIENCE):
+        while "was deleted, moved or replaced" not in (history.failure or ""):
+            await asyncio.sleep(0.01)  # between two looks
+    away.rename(history.path)
+    await history.flush()
+    assert history.failure is None
+    assert {session.id for session in await history.open_sessions()} == {"s", "t"}
+    await asyncio.to_thread(history.close)
+
+
 def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
     assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
 

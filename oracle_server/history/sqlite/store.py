@@ -31,11 +31,12 @@ class SqliteStore:
 
     def __init__(self, path: Path, durability: Durability) -> None:
         """Open it, in this version's format. Raises `HistoryError` where it can't be used."""
-        self.where = str(path)
+        self.where, self._path = str(path), path.absolute()
         try:
             _make_private(path)
             self.database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             _prepare(self.database, durability)
+            self._file = path.stat()
         except OSError as error:
             raise HistoryError(f"{path}: can't be used as a database: {error.strerror}") from None
         except sqlite3.Error as error:
@@ -46,7 +47,8 @@ class SqliteStore:
         insert_rows(database, table, rows)
 
     def transact(self, work: Callable[[sqlite3.Connection], T]) -> T:
-        """Do work in a transaction, and return what it gives once that is committed."""
+        """Do work in a transaction, and return what it gives once that is committed. Raises `HistoryError`."""
+        self._demand_place()
         self.database.execute("BEGIN IMMEDIATE")
         try:
             result = work(self.database)
@@ -56,6 +58,13 @@ class SqliteStore:
                 self.database.execute("ROLLBACK")
             raise
         return result
+
+    def _demand_place(self) -> None:
+        """Raise `HistoryError` where the file was deleted or replaced: nobody would find what is written to it."""
+        with contextlib.suppress(FileNotFoundError):
+            if os.path.samestat(self._path.stat(), self._file):
+                return
+        raise HistoryError("the file was deleted, moved or replaced: put it back, or start anew")
 
     def renew(self) -> None:
         """Nobody asks."""
