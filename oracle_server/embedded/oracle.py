@@ -20,7 +20,7 @@ from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
 from oracle_server.process.logs import set_up_warnings
 from oracle_server.process.pidfile import PidFile
-from oracle_server.process.settings import Settings, load_settings
+from oracle_server.process.settings import Settings, load_settings, unknown_variables
 from oracle_server.rostypes.known import Types
 from oracle_server.sessions.endings import SPEC_CHANGED
 from oracle_server.sessions.registry import Registry
@@ -29,6 +29,8 @@ from oracle_server.specfiles.load import load_spec
 
 _CLOSE_WITHIN = 5.0
 """Seconds for a session to be closed that began by another text of the spec."""
+_OF_A_SERVER = ("history", "forward", "alarms", "read_only")
+"""Settings of what this does not do: who set one would take it for done."""
 _LINGER = 1.0
 """Seconds until a line that has ended is forgotten: what it still says has been delivered by then."""
 
@@ -56,6 +58,7 @@ class EmbeddedOracle:
         Raises `SpecError`, `PidFileError` where another process uses the directory, and other `OracleError`s.
         """
         self._settings = settings = load_settings(data_dir=data_dir)
+        _tell_ignored(settings)
         types = Types(settings.type_folders)
         loaded = load_spec(spec, types=types).spec
         self.spec, self._digest = loaded.id, loaded.digest
@@ -174,6 +177,16 @@ class EmbeddedOracle:
         self._history.close()
         self._loop.close()
         self._pid_file.release()
+
+
+def _tell_ignored(settings: Settings) -> None:
+    """Warn of variables of the environment that change nothing here."""
+    if unknown := unknown_variables():
+        log.warning("environment variables that name no setting are ignored", names=", ".join(unknown))
+    fields = Settings.model_fields
+    if ignored := [f"ORACLE_{n.upper()}" for n in _OF_A_SERVER if getattr(settings, n) != fields[n].default]:
+        what = "settings of a server are ignored: this writes the data directory, forwards nothing, and alarms nobody"
+        log.warning(what, names=", ".join(ignored))
 
 
 def _require_own(library: Library, spec_id: str, path: Path) -> None:

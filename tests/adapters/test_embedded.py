@@ -363,6 +363,20 @@ def test_a_log_that_can_not_be_written_changes_nothing(tmp_path: Path) -> None:
     assert ended.stdout.split(b"\n") == [b"deny True", b"allow", b"deny", b"allow", b""]
 
 
+def test_settings_that_change_nothing_here_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A history that was to be forwarded stayed on the robot, and nobody said so."""
+    for name in [name for name in os.environ if name.startswith("ORACLE_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("ORACLE_FORWARD", "postgresql://robot7@centre/oracle")
+    monkeypatch.setenv("ORACLE_ALARMS", str(tmp_path / "alarms.yaml"))
+    monkeypatch.setenv("ORACLE_RETAIN_AGES", "1h")
+    monkeypatch.setenv("ORACLE_RETAIN_SIZE", "1GB")
+    with capture_logs() as logs, EmbeddedLink(str(SINGLE), str(tmp_path / "own"), "m1", streams=["/a"]) as link:
+        link.wait_attached(PATIENCE)
+    told = [log["names"] for log in logs if "ignored" in log["event"]]
+    assert told == ["ORACLE_RETAIN_AGES (did you mean ORACLE_RETAIN_AGE?)", "ORACLE_FORWARD, ORACLE_ALARMS"]
+
+
 def test_nothing_of_the_process_is_changed(tmp_path: Path) -> None:
     before = os.umask(0o022)
     try:
