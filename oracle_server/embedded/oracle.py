@@ -78,7 +78,7 @@ class EmbeddedOracle:
         self._ended = False
         self._stopper: threading.Thread | None = None
         self._stopping = threading.Lock()
-        self._pruning: asyncio.Task[None] | None = None
+        self._beside: list[asyncio.Task[None]] = []
         self._loop.before_waiting(self._deliver)
 
     def start(self) -> None:
@@ -134,7 +134,8 @@ class EmbeddedOracle:
         await self._registry.take_over()
         self._registry.accept_work()
         await self._close_changed()
-        self._pruning = self._loop.create_task(pruner.run(settings.retain_check))
+        works = (pruner.run(settings.retain_check), self._history.catch_up())
+        self._beside = [self._loop.create_task(work) for work in works]
 
     async def _close_changed(self) -> None:
         """Close sessions that began by another meaning of the spec: who joins them begins anew, by its file."""
@@ -147,9 +148,10 @@ class EmbeddedOracle:
                 raise EmbeddedError(f"{message}; take another --session")
 
     async def _leave(self) -> None:
-        if self._pruning is not None:
-            self._pruning.cancel()
-            await asyncio.wait((self._pruning,))
+        for task in self._beside:
+            task.cancel()
+        if self._beside:
+            await asyncio.wait(self._beside)
         await self._registry.shut_down()
         if self._tasks:
             await asyncio.wait(self._tasks, timeout=1.0)

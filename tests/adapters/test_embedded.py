@@ -10,6 +10,7 @@ import os
 import random
 import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -25,9 +26,10 @@ from structlog.testing import capture_logs
 
 from oracle_server.core.formula.render import render
 from oracle_server.core.session import Session
+from oracle_server.history.blocks import SIZE
 from oracle_server.replay.command import run_replay
 from tests.generate import KEYS, formula, trace
-from tests.processes import PATIENCE, ROOT, Process, environment
+from tests.processes import PATIENCE, ROOT, Process, environment, eventually
 from tests.whole.conftest import Starts
 from tests.whole.harness import Server
 
@@ -375,6 +377,20 @@ def test_settings_that_change_nothing_here_are_told(tmp_path: Path, monkeypatch:
         link.wait_attached(PATIENCE)
     told = [log["names"] for log in logs if "ignored" in log["event"]]
     assert told == ["ORACLE_RETAIN_AGES (did you mean ORACLE_RETAIN_AGE?)", "ORACLE_FORWARD, ORACLE_ALARMS"]
+
+
+def test_timelines_are_made_of_what_an_older_version_has_written(tmp_path: Path) -> None:
+    words, blocks = (str(SINGLE), str(tmp_path / "own"), "m1"), "SELECT count(*) FROM blocks"
+    with EmbeddedLink(*words, session="s", streams=["/a"]) as link:
+        link.wait_attached(PATIENCE)
+        for i in range(4 * SIZE):
+            assert link.send("/a", "topic", STAMP + i, {"v": i})
+        assert link.close(PATIENCE)
+    with contextlib.closing(sqlite3.connect(tmp_path / "own" / "history.sqlite", isolation_level=None)) as database:
+        (made,) = database.execute(blocks).fetchone()
+        database.execute("DELETE FROM blocks")
+        with EmbeddedLink(*words, session="s", streams=["/a"]):
+            eventually(lambda: database.execute(blocks).fetchone(), lambda there: there == (made,))
 
 
 def test_nothing_of_the_process_is_changed(tmp_path: Path) -> None:
