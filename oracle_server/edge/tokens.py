@@ -99,7 +99,7 @@ class Tokens:
         self._tokens: list[Token] = []
         self._grants: dict[str, Grant] = {}
         self._changed = True
-        self.required = path.exists()
+        self.required = _is_there(path)
         if self.required:
             self._seen = _stat(path)  # before reading: a change meanwhile is noticed the next time
             self._tokens = _read(path)
@@ -177,12 +177,27 @@ def remove(path: Path, name: str) -> None:
 
 def listed(path: Path) -> list[Token]:
     """The tokens of a file, none where there is no file. Raises `TokenError`."""
-    return _read(path) if path.exists() else []
+    return _read(path) if _is_there(path) else []
 
 
 def hash_of(token: str) -> str:
     """The hash of a token; a plain one is enough, since tokens have 256 random bits."""
     return hashlib.sha256(token.encode(errors="surrogateescape")).hexdigest()
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file: without one nobody needs a token. Raises `TokenError` where that can't be seen."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    return True
+
+
+def _unreadable(path: Path, error: OSError) -> TokenError:
+    return TokenError(f"{path}: can't be read: {error.strerror}")
 
 
 def _stat(path: Path) -> tuple[int, ...] | None:
@@ -199,7 +214,7 @@ def _read(path: Path) -> list[Token]:
             raise TokenError(f"{path}: other users may read it; run `chmod 600 {path}`")
         return _File.model_validate_json(path.read_bytes()).tokens
     except OSError as error:
-        raise TokenError(f"{path}: can't be read: {error.strerror}") from None
+        raise _unreadable(path, error) from None
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -40,6 +41,20 @@ def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[P
     spoil(file)
     assert tokens.grant(secret) is None
     assert tokens.grant(None) is None
+
+
+def test_a_file_that_can_not_be_seen_is_not_taken_for_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a file nobody is asked for a token: one in a folder that is closed to the server is another thing."""
+    file = tmp_path / "tokens.json"
+    add(file, "a", ["admin"])
+
+    def closed(path: Path, **_: object) -> os.stat_result:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "stat", closed)
+    for use in (Tokens, listed):
+        with pytest.raises(TokenError, match=r"tokens\.json: can't be read: Permission denied"):
+            use(file)
 
 
 def test_a_token_goes_on_where_the_server_has_its_session_go_on() -> None:
