@@ -244,6 +244,9 @@ def _write(path: Path, tokens: list[Token]) -> None:
     try:
         draft.unlink(missing_ok=True)
         with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+            if os.geteuid() == 0:  # the server is another user, as systemd runs it, and has to read it
+                owner = (path if path.exists() else path.parent).stat()
+                os.fchown(file.fileno(), owner.st_uid, owner.st_gid)
             file.write(text)
         draft.replace(path)
     except OSError as error:

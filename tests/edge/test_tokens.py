@@ -57,6 +57,21 @@ def test_a_file_that_can_not_be_seen_is_not_taken_for_none(tmp_path: Path, monke
             use(file)
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can make a file another user's")
+def test_what_root_adds_can_be_read_by_the_user_whose_folder_it_is(tmp_path: Path) -> None:
+    """The server, which systemd runs as a user of its own, refused all requests from then on."""
+    folder = tmp_path / "data"
+    folder.mkdir()
+    os.chown(folder, 12345, 54321)
+    file = folder / "tokens.json"
+    for name in ("a", "b"):
+        add(file, name, ["read"])
+        found = file.stat()
+        assert (found.st_uid, found.st_gid, found.st_mode & 0o777) == (12345, 54321, 0o600)
+    remove(file, "a")
+    assert file.stat().st_uid == 12345
+
+
 def test_a_token_goes_on_where_the_server_has_its_session_go_on() -> None:
     grant = Grant(frozenset({"submit"}), sessions=frozenset({"s1", "x" * 64, "a.run2"}))
     for name in ("s1", "s1.run2", "s1.run10", "a.run2.run2"):
