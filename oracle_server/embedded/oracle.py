@@ -22,13 +22,13 @@ from oracle_server.process.logs import set_up_warnings
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import Settings, load_settings, unknown_variables
 from oracle_server.rostypes.known import Types
-from oracle_server.sessions.endings import SPEC_CHANGED
+from oracle_server.sessions.endings import CLOCK_SET_BACK, SPEC_CHANGED
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.specfiles.load import load_spec
 
 _CLOSE_WITHIN = 5.0
-"""Seconds for a session to be closed that began by another text of the spec."""
+"""Seconds for a session to be closed that can't go on."""
 _OF_A_SERVER = ("history", "forward", "alarms", "read_only")
 """Settings of what this does not do: who set one would take it for done."""
 _LINGER = 1.0
@@ -133,18 +133,23 @@ class EmbeddedOracle:
         await self._registry.restore_all()
         await self._registry.take_over()
         self._registry.accept_work()
-        await self._close_changed()
+        await self._close_old()
         works = (pruner.run(settings.retain_check), self._history.catch_up())
         self._beside = [self._loop.create_task(work) for work in works]
 
-    async def _close_changed(self) -> None:
-        """Close sessions that began by another meaning of the spec: who joins them begins anew, by its file."""
+    async def _close_old(self) -> None:
+        """Close sessions that began by another meaning of the spec, or go on by a time that is far ahead.
+
+        Who joins them begins anew, by its file, and by the machine's clock.
+        """
         for session in [live for live in self._registry.open.values() if live.spec.id == self.spec]:
-            if session.spec.digest == self._digest:
+            changed = session.spec.digest != self._digest
+            if not changed and not session.clock.far:
                 continue
-            log.warning("the spec was changed: its session is closed, and goes on as another run", session=session.id)
-            if not await self._registry.closed_within(session, _CLOSE_WITHIN, SPEC_CHANGED):
-                message = f"session '{session.id}' began by another text of the spec '{self.spec}', and can't be closed"
+            why = SPEC_CHANGED if changed else CLOCK_SET_BACK
+            log.warning("a session is closed, and goes on as another run", session=session.id, reason=why)
+            if not await self._registry.closed_within(session, _CLOSE_WITHIN, why):
+                message = f"session '{session.id}' can't go on, as {why}, and can't be closed now"
                 raise EmbeddedError(f"{message}; take another --session")
 
     async def _leave(self) -> None:

@@ -17,6 +17,8 @@ DELETED_THERE = "its robot has deleted it"
 """Why a session is over that a robot has forwarded, but not to its end."""
 SPEC_CHANGED = "its spec was changed"
 """Why a session is over whose adapter judges by itself, and was started with another text of its spec."""
+CLOCK_SET_BACK = "the machine's clock was set back"
+"""Why a session is over whose adapter judges by itself, and whose time is far ahead: all that comes would be late."""
 CLOCK_WENT_BACK = "its simulated time went back"
 """Why a session is over whose simulation was restarted."""
 

@@ -14,6 +14,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,15 @@ properties:
   - {id: even, formula: 'not {topic: "/a", odd}', guards: [/a]}
 """
 
+WATCHED = """
+id: watched
+ordering: {max_delay: 20ms}
+streams:
+  - {topic: /a, action: filter, signals: {v: msg.v}}
+  - {topic: /b}
+properties:
+  - {id: heard, time: seconds, formula: '{topic: "/a"} -> once[:1h] {topic: "/b"}', guards: [/a]}
+"""
 FULL = """
 import sys, threading
 from oracle_adapter.embedded import EmbeddedLink, log_warnings
@@ -203,10 +213,33 @@ def test_what_the_file_says_now_is_judged_by_where_a_session_began_by_another_te
     spec.write_text(GUARDED.replace("msg.v % 2 == 1", "msg.v > 1"))
     with capture_logs() as logs:
         assert [asked(v) for v in (4, 1)] == ["deny", "allow"]
-    assert [(log["event"], log["session"]) for log in logs if "changed" in log["event"]] == [
-        ("the spec was changed: its session is closed, and goes on as another run", "s")
+    assert [(log["session"], log["reason"]) for log in logs if "another run" in log["event"]] == [
+        ("s", "its spec was changed")
     ]
     assert any("its spec was changed; attach to s.run2" in str(error) for error in said)
+
+
+def test_after_the_machines_clock_was_set_back_a_session_goes_on_by_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All was late, and stood at the time that had been reached: what was silent for days counted as just heard."""
+    spec, data, said = tmp_path / "watched.yaml", tmp_path / "data", list[object]()
+    spec.write_text(WATCHED)
+    now = time.time_ns
+
+    def asked(*heard: str) -> str | None:
+        words = (str(spec), str(data), "m1")
+        with EmbeddedLink(*words, session="s", streams=["/a", "/b"], on_error=said.append) as link:
+            link.wait_attached(PATIENCE)
+            for stream in heard:
+                link.send(stream, "topic", time.time_ns(), {})
+            return link.ask("/a", "topic", time.time_ns(), {"v": 2}, decide_within=PATIENCE).result(PATIENCE).decision
+
+    with monkeypatch.context() as ahead:
+        ahead.setattr(time, "time_ns", lambda: now() + 48 * 3600 * 10**9)
+        assert [asked("/b"), asked()] == ["allow", "allow"]
+    assert [asked(), asked("/b")] == ["deny", "allow"]
+    assert any("the machine's clock was set back; attach to s.run2" in str(error) for error in said)
 
 
 def test_a_spec_that_is_refused_is_told(tmp_path: Path) -> None:
