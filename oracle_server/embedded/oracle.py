@@ -31,6 +31,8 @@ _CLOSE_WITHIN = 5.0
 """Seconds for a session to be closed that can't go on."""
 _OF_A_SERVER = ("history", "forward", "alarms", "read_only")
 """Settings of what this does not do: who set one would take it for done."""
+_SETTLE_WITHIN = 2.0
+"""Seconds for oracles elsewhere, which the adapter has waited for, and will not wait for much longer."""
 _LINGER = 1.0
 """Seconds until a line that has ended is forgotten: what it still says has been delivered by then."""
 
@@ -157,7 +159,7 @@ class EmbeddedOracle:
             task.cancel()
         if self._beside:
             await asyncio.wait(self._beside)
-        await self._registry.shut_down()
+        await self._registry.shut_down(_SETTLE_WITHIN)
         if self._tasks:
             await asyncio.wait(self._tasks, timeout=1.0)
 

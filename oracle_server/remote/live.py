@@ -15,7 +15,7 @@ from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.remote.oracle import ExternalOracle
 
-_SETTLE_WITHIN = 5.0
+SETTLE_WITHIN = 5.0
 """Seconds to wait for the last answers when a session ends."""
 
 Judging = Callable[[], list[Judged]]
@@ -61,10 +61,10 @@ class Oracles:
         last = self._core.asking.last if self._core.asking else None
         return last is not None and (last.event.monitor, last.event.seq) == (monitor, seq)
 
-    async def settle(self) -> None:
-        """Wait some seconds for the answers, then give up the missing ones, and close the connections."""
+    async def settle(self, within: float = SETTLE_WITHIN) -> None:
+        """Wait so many seconds for the answers, then give up the missing ones, and close the connections."""
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_SETTLE_WITHIN):
+            async with asyncio.timeout(within):
                 while self._core.asking:
                     self._progress.clear()
                     await self._progress.wait()

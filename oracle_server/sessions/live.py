@@ -20,7 +20,7 @@ from oracle_server.history.port import History
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
 from oracle_server.process.clock import Clock
-from oracle_server.remote.live import Oracles
+from oracle_server.remote.live import SETTLE_WITHIN, Oracles
 from oracle_server.review.restore import Restored
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters, counted
@@ -259,10 +259,10 @@ class LiveSession:
                 monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
         loop.call_later(self._resume_within, self._end_if_over)
 
-    async def settle(self) -> None:
+    async def settle(self, within: float = SETTLE_WITHIN) -> None:
         """After `close`, wait some seconds for the answers of external oracles to the held events."""
         if self.oracles is not None:
-            await self.oracles.settle()
+            await self.oracles.settle(within)
             self.ledger.write()
 
     def resume(self, restored: Restored) -> None:

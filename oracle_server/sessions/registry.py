@@ -19,6 +19,7 @@ from oracle_server.history.port import History
 from oracle_server.history.readers import reading_for
 from oracle_server.history.records import Document, SessionRecord
 from oracle_server.process.clock import Clock
+from oracle_server.remote.live import SETTLE_WITHIN
 from oracle_server.review.restore import restore
 from oracle_server.sessions.alarms import SessionAlarms, Sink, session_ended
 from oracle_server.sessions.backlog import Backlog
@@ -282,14 +283,14 @@ class Registry:
                 await self._history.flush()
         return gone.is_set()
 
-    async def shut_down(self) -> None:
+    async def shut_down(self, settle_within: float = SETTLE_WITHIN) -> None:
         """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open.
 
-        Where another server may have them, it judges what they hold.
+        Where another server may have them, it judges what they hold. Oracles have `settle_within` seconds to answer.
         """
         self._stopping = True
         if not self._history.adrift:
-            await settle(self.open.values(), self._history)
+            await settle(self.open.values(), self._history, settle_within)
         await leave(self.open.values())
 
     async def _session_for(self, wanted: Attach) -> LiveSession:

@@ -53,13 +53,14 @@ def let_go(sessions: Iterable[LiveSession], reason: WireError) -> list[Outbox]:
     return outboxes
 
 
-async def settle(sessions: Collection[LiveSession], history: History) -> None:
+async def settle(sessions: Collection[LiveSession], history: History, within: float) -> None:
     """Judge what sessions hold, and commit it; in the history they stay open.
 
-    One that fails at that is logged, and left as the history has it: the next server restores it, as all others.
+    Oracles elsewhere have `within` seconds to answer. A session that fails at that is logged, and left as the history
+    has it: the next server restores it, as all others.
     """
     closed = [session for session in sessions if _done(session, session.close)]
-    ends = await asyncio.gather(*(session.settle() for session in closed), return_exceptions=True)
+    ends = await asyncio.gather(*(session.settle(within) for session in closed), return_exceptions=True)
     for session, failure in zip(closed, ends, strict=True):
         if isinstance(failure, Exception):
             _tell(session, failure)

@@ -10,6 +10,7 @@ import os
 import random
 import re
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -77,6 +78,24 @@ streams:
   - {topic: /b}
 properties:
   - {id: heard, time: seconds, formula: '{topic: "/a"} -> once[:1h] {topic: "/b"}', guards: [/a]}
+"""
+ELSEWHERE = """
+id: elsewhere
+ordering: {{max_delay: none}}
+streams:
+  - {{topic: /a, signals: {{v: msg.v}}}}
+properties:
+  - {{id: small, formula: 'not {{topic: "/a", v > 10}}'}}
+  - {{id: far, engine: external, url: 'ws://127.0.0.1:{port}', timeout: 60s}}
+"""
+ENDED = """
+import sys
+from oracle_adapter.embedded import EmbeddedLink
+
+with EmbeddedLink(*sys.argv[1:], "m1", session="s", streams=["/a"]) as link:
+    link.wait_attached(60)
+    for v in range(5):
+        link.send("/a", "topic", None, {"v": v})
 """
 FULL = """
 import sys, threading
@@ -396,6 +415,17 @@ def test_a_log_that_can_not_be_written_changes_nothing(tmp_path: Path) -> None:
             command, stdout=subprocess.PIPE, stderr=full, env=environment(), timeout=PATIENCE, check=True
         )
     assert ended.stdout.split(b"\n") == [b"deny True", b"allow", b"deny", b"allow", b""]
+
+
+def test_what_an_oracle_elsewhere_does_not_answer_is_kept_as_the_adapter_ends(tmp_path: Path) -> None:
+    """It was waited for until the process had ended, and all that stood behind it was lost."""
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        spec, data = tmp_path / "elsewhere.yaml", tmp_path / "own"
+        spec.write_text(ELSEWHERE.format(port=mute.getsockname()[1]))
+        command: list[str | Path] = [sys.executable, "-c", ENDED, spec, data]
+        subprocess.run(command, env=environment(), timeout=PATIENCE, check=True)
+    with contextlib.closing(sqlite3.connect(data / "history.sqlite")) as database:
+        assert database.execute("SELECT seq, outcomes FROM steps").fetchall() == [(n, "tu") for n in range(1, 6)]
 
 
 def test_settings_that_change_nothing_here_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
