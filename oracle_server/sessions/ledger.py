@@ -240,12 +240,14 @@ class Ledger:
         self.snapshots.committed(position)
         self.episodes.add(episodes)
         self.commits.notify()
-        self._settle(used)
+        settled = self._acknowledge(used)
         self._violations.add(for_log(told))
         tell(self._monitors.values(), told, episodes)
         if self.alarms:
             self.alarms.send(alarms)
         self._announce(standing)
+        for monitor in settled:
+            monitor.confirm_detach()  # behind what it is told: it hears nothing more
 
     def _announce(self, standing: VerdictsFrame | None) -> None:
         if standing:
@@ -254,7 +256,12 @@ class Ledger:
                 self.send_verdicts(monitor)
 
     def _settle(self, used: list[_Used]) -> None:
-        """Acknowledge numbers that are used up in the committed history."""
+        """Acknowledge numbers that are used up in the committed history, and let monitors go that wait for that."""
+        for monitor in self._acknowledge(used):
+            monitor.confirm_detach()
+
+    def _acknowledge(self, used: list[_Used]) -> list[Monitor]:
+        """Acknowledge numbers that are used up in the committed history; returns whose they are."""
         touched = {}
         for monitor, seq, gap, lost in used:
             monitor.numbering.commit(seq, gap, lost)
@@ -263,7 +270,7 @@ class Ledger:
             touched[monitor.name] = monitor
         for monitor in touched.values():
             monitor.acknowledge()
-            monitor.confirm_detach()
+        return [*touched.values()]
 
     def _amended(self, monitor: Monitor) -> None:
         monitor.unsettled -= 1

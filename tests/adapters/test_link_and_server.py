@@ -33,6 +33,16 @@ async def test_events_and_decisions_are_in_the_history_each_once(start: Starts) 
     assert link.stats().lost == 0
 
 
+async def test_who_leaves_is_told_before_of_all_that_was_violated(start: Starts) -> None:
+    """The last violations came behind `detached`, and were heard by nobody."""
+    told: list[object] = []
+    with Link(start().url, "m1", spec="single", session="s", streams=["/a"], on_violation=told.append) as link:
+        link.wait_attached(PATIENCE)
+        assert link.send("/a", "topic", STAMP, {"v": 99})
+        assert link.close(PATIENCE)
+    assert len(told) == 1
+
+
 class Cable:
     """A way to the server that can be cut and mended."""
 
