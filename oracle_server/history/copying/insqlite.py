@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sqlite3
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
@@ -25,6 +26,11 @@ def file_of(text: str) -> Path:
     return path if path.is_file() or (path.suffix == ".sqlite" and not path.is_dir()) else path / NAME
 
 
+def _is_read_only(folder: Path) -> bool:
+    """Whether it is on a file system that is mounted so, as a robot's card in another machine."""
+    return bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
+
+
 class SqliteEnd:
     """A file, held so that no server uses it meanwhile."""
 
@@ -37,7 +43,8 @@ class SqliteEnd:
         self.where = str(self._path)
         if source and not self._path.is_file():
             raise CopyError(f"{self.where}: there is no history; name a data directory, its file, or postgresql://…")
-        self._held = PidFile(self._path.parent) if self._path.name == NAME else None  # no server uses other names
+        used = self._path.name == NAME and not (source and _is_read_only(self._path.parent))
+        self._held = PidFile(self._path.parent) if used else None  # no server uses other names, or could write there
         try:
             with self._told():
                 uri = f"{self._path.absolute().as_uri()}?mode={'ro' if source else 'rwc'}"
