@@ -34,3 +34,10 @@ class Told(NamedTuple):
     properties: Sequence[PropertyState]
     counters: Counters
     following: Following
+    degraded: bool
+    """Whether what was lost, skipped or judged too early may make all that is judged since wrong."""
+
+    def is_degraded(self, index: int) -> bool:
+        """Whether what a property says, by its index, may be wrong for good."""
+        state = self.properties[index]
+        return self.degraded or state.failures > 0 or state.renewed

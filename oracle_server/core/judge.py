@@ -92,7 +92,7 @@ class Judge(Blaming):
     @property
     def told(self) -> Told:
         """How its properties stand, and what it has counted."""
-        return Told(self.properties, self.counters, self.following)
+        return Told(self.properties, self.counters, self.following, self._degraded)
 
     @property
     def is_ticking(self) -> bool:

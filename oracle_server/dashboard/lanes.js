@@ -40,12 +40,12 @@ function timeOf({ since, width }, window) {
 function properties(answer, state, found, now, time, window) {
   const standing = new Map(state.properties.toReversed().map((each) => [each.id, each])); // by the order that decides, which is first
   return Object.entries(answer.lanes).map(([name, codes]) => {
-    const { outcome = "unknown", violations = 0, order, caveats = [] } = standing.get(name) ?? {};
+    const { outcome = "unknown", violations = 0, order, caveats = [], degraded = false } = standing.get(name) ?? {};
     const own = found.filter((each) => each.property === name && (!order || each.order === order));
     const open = own.find((each) => each.open);
     const lane = { ...time, codes, degraded: answer.degraded[name], counts: answer.violations[name] };
     const told = [violations ? counted(violations, "violation") : "", open ? `for ${span(lasted(open, now))}` : ""];
-    const doubt = caveats.length ? "degraded" : "";
+    const doubt = caveats.length || degraded ? "degraded" : "";
     return {
       group: "property", name, title: [`${name}: ${outcome}`, ...caveats.map((text) => `degraded: ${text}`)].join("; "), open: Boolean(open), said: inWords(name, outcome, own, state.clock),
       value: [mark(outcome), open ? told[1] : told[0], doubt].filter(Boolean).join(" "), mood: doubt && MOODS[outcome] === "good" ? "unsure" : MOODS[outcome],

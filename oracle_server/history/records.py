@@ -80,13 +80,19 @@ class Free(NamedTuple):
 
 
 class PropertyStands(NamedTuple):
-    """How a property of a session stands by what is committed: its outcome, and what is known of its violations."""
+    """How a property of a session stands by what is committed: its outcome, and what is known of its violations.
+
+    `degraded`: what was lost, skipped or failed may make it wrong for good; `bypassed`: it is degraded alone since
+    messages went past a monitor.
+    """
 
     property: str
     outcome: Outcome
     violations: int
     first_violation: int | None
     pending: int | None
+    degraded: bool = False
+    bypassed: bool = False
 
 
 class OtherSession(NamedTuple):

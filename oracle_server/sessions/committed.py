@@ -11,6 +11,7 @@ from oracle_server.sessions.last import last_rows, stands_at
 
 _PAGE = 1_000
 """Episodes that are read at once."""
+_PASSED = "messages went past a monitor before its last verdict"
 _Violations = dict[tuple[str, Order], tuple[int, int]]
 
 
@@ -46,7 +47,7 @@ def property_state(stands: PropertyStands, order: Order) -> Document:
         "unknown": 0,
         "broken": None,
         "complaint": None,
-        "caveats": [],
+        "caveats": [_PASSED] if stands.bypassed else [],
         "robustness": None,
     } | _told(stands)
 
@@ -57,6 +58,7 @@ def _told(stands: PropertyStands) -> Document:
         "first_violation": stands.first_violation,
         "violations": stands.violations,
         "pending": stands.pending,
+        "degraded": stands.degraded,
     }
 
 

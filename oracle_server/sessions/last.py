@@ -77,5 +77,6 @@ async def standing(history: Reading, record: SessionRecord, known: list[Property
 
 def stands_at(row: StoredStep, index: int, known: PropertyStands) -> PropertyStands:
     """How a property stands at a row that tells of it, where violations are `known`."""
-    outcome = said(row, "standing").outcomes[index]
-    return known._replace(outcome=outcome or Outcome.UNKNOWN, pending=row.pending.get(index))
+    stood, bypassed = said(row, "standing"), index in row.bypassed
+    outcome, degraded = stood.outcomes[index] or Outcome.UNKNOWN, stood.degraded[index] and not bypassed
+    return known._replace(outcome=outcome, pending=row.pending.get(index), degraded=degraded, bypassed=bypassed)

@@ -97,7 +97,8 @@ def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
 def _properties(core: Session) -> Iterator[dict[str, Any]]:
     """Each property, in each order."""
     for order, judge in core.judges.items():
-        for i, state in enumerate(judge.told.properties):
+        told = judge.told
+        for i, state in enumerate(told.properties):
             yield {
                 "id": state.property.id,
                 "order": order,
@@ -108,6 +109,7 @@ def _properties(core: Session) -> Iterator[dict[str, Any]]:
                 "violations": state.violations,
                 "pending": state.pending,
                 "unknown": state.failures,
+                "degraded": told.is_degraded(i),
                 "broken": state.broken,
                 "complaint": state.complaint,
                 "caveats": caveats(core, i),

@@ -97,6 +97,16 @@ def _doubts(state: Document) -> Iterator[str]:
     for row in state["properties"]:
         if row.get("unknown"):
             yield f"{row['id']} was unknown at {counted(row['unknown'], 'step')}"
+    if not (lost or skipped):
+        names = [row["id"] for row in state["properties"] if row.get("degraded") and not row.get("unknown")]
+        yield from [_degraded([*dict.fromkeys(names)])] if names else []
+
+
+def _degraded(names: list[str]) -> str:
+    """That what properties say may be wrong for good, where nothing else tells why: `capacity`, or another server."""
+    more = " and others" if len(names) > _FEW else ""
+    why = "what came before was lost, skipped, not computed or judged too early"
+    return f"verdicts of {', '.join(names[:_FEW])}{more} are degraded: {why}"
 
 
 def _doubts_of_recording(state: Document) -> Iterator[str]:

@@ -27,7 +27,7 @@ class Asked(Run):
 
     def stand(self) -> Any:
         (judge,) = self.session.judges.values()
-        properties, counters, following = judge.told
+        properties, counters, following, _ = judge.told
         return [[getattr(state, name) for name in SHOWN] for state in properties], astuple(counters), following
 
     def take(self, judged: Iterable[Judged]) -> None:
@@ -57,7 +57,7 @@ def test_nothing_is_told_of_a_pass_that_goes_on_and_what_is_counted_is_what_was_
         run = Asked(case(rng, rng.choice(["steps", "seconds"])), divided=True)
         run.judge(rng)
         (judge,) = run.session.judges.values()
-        properties, counters, _ = judge.told
+        properties, counters, *_ = judge.told
         assert (counters.revised, counters.retracted) == (run.changes, run.retracted)
         stands = sum(len(run.book.stands(position).explanations) for position in run.book.first)
         assert sum(p.violations for p in properties) == stands == run.told + run.appeared - run.retracted

@@ -72,6 +72,22 @@ async def test_what_was_skipped_or_taken_back_tells_of_no_property(backend: str,
     assert [p.outcome for p in other.properties] == [Outcome.CURRENTLY_TRUE] * 2
 
 
+@pytest.mark.parametrize("backend", ["sqlite", "postgres"])
+async def test_which_properties_are_degraded_is_told_and_which_for_now_alone(backend: str, make: Make) -> None:
+    history = make(backend)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened(name=NAME))
+    history.append(1, [msgspec.structs.replace(step(1), degraded=(True, True), bypassed=(1,))], lambda: None)
+    await history.flush()
+    (other,) = await history.open_elsewhere(NAME)
+    told = await Others(history).state(NAME)
+    await asyncio.to_thread(history.close)
+    assert told is not None
+    first, second = told["properties"]
+    assert [(p.degraded, p.bypassed) for p in other.properties] == [(True, False), (False, True)]
+    assert (first["degraded"], first["caveats"], second["degraded"], len(second["caveats"])) == (True, [], False, 1)
+
+
 async def test_all_that_are_open_are_told_of(make: Make) -> None:
     history = make("sqlite")
     history.start(asyncio.get_running_loop())

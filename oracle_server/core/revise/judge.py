@@ -130,7 +130,8 @@ class RevisingJudge(RewindableJudge):
         self.ahead.append(Until(self._level))
 
     def _begin_pass(self) -> None:
-        self._told = Told([copy(state) for state in self.properties], copy(self.counters), self.following)
+        states = [copy(state) for state in self.properties]
+        self._told = Told(states, copy(self.counters), self.following, self._degraded)
         self._causes = []
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:

@@ -198,9 +198,9 @@ class PostgresHistory(SqlHistory):
         await done.wait()
 
     def _other(self, row: Row) -> OtherSession:
-        record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-9:-6])
-        steps, outcomes, pending, told, them, state = row[-6:]
-        properties = stands(record.properties, outcomes, pending, told) if steps else []
+        record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-10:-7])
+        steps, outcomes, degraded, pending, told, them, state = row[-7:]
+        properties = stands(record.properties, outcomes, degraded, pending, told) if steps else []
         monitors = [tuple(one) for one in _decode(them or "[]")]
         return OtherSession(record, place, steps, properties, monitors, unjudged=noted(state))
 

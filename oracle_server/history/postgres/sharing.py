@@ -28,11 +28,12 @@ OWN_OPEN = (
 OTHERS_OPEN = (
     f"SELECT {_COLUMNS}, o.node, n.url, coalesce(n.until > clock_timestamp(), false), "  # noqa: S608
     f"""
-    coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending,
+    coalesce(last.position, 0), coalesce(last.standing, last.outcomes),
+    coalesce(last.standing_degraded, last.degraded), last.pending,
     e.told::text, m.them::text, s.state
 FROM sessions s LEFT JOIN owners o ON o.session = s.number LEFT JOIN nodes n ON n.node = o.node
 LEFT JOIN LATERAL (
-    SELECT position, standing, outcomes, pending FROM steps
+    SELECT position, standing, outcomes, standing_degraded, degraded, pending FROM steps
     WHERE session = s.number AND ord = s.decides AND revision IS NULL AND (stream = '' OR number > 0)
     ORDER BY position DESC LIMIT 1
 ) AS last ON true

@@ -18,6 +18,7 @@ from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
 from oracle_server.history.sql.schema import STEP_COLUMNS
 from oracle_server.history.sql.standing import (
+    BYPASSED,
     degraded_of,
     outcomes_of,
     revised_of,
@@ -30,8 +31,6 @@ from oracle_server.history.sql.standing import (
 
 Row = tuple[Any, ...]
 
-_BYPASSED = "2"
-"""Stands for `degraded` where that ends with a bypass."""
 _UNNAMED: tuple[frozenset[str], tuple[Source, ...]] = frozenset(), ()
 _UNREVISED: Mapping[int, int] = {}
 _PLAIN = (None,) * 5
@@ -87,7 +86,7 @@ def step_of(row: Row) -> StoredStep:
         None if r["decision"] is None else Decision(r["decision"], tuple(_decode(r["denied_by"]))),
         () if revision else cast("tuple[Outcome, ...]", outcomes_of(r["outcomes"])), degraded_of(r["degraded"]),
         whys_of(r["explanations"]), _robustness(r["robustness"]), None if r["passed"] is None else bool(r["passed"]),
-        r["why"], tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]), r["place"],
+        r["why"], tuple([i for i, digit in enumerate(r["degraded"]) if digit == BYPASSED]), r["place"],
         None if r["standing"] is None else standing_of(r), revised_of(r["revised"]) if r["revised"] else _UNREVISED,
         revision,
         {int(i): count for i, count in _decode(r["pending"]).items()} if r["pending"] else {},
@@ -123,7 +122,7 @@ def _told(stored: StoredStep) -> Sequence[Outcome | None]:
 def _degraded(stored: StoredStep) -> str:
     if not stored.bypassed:
         return "".join(["1" if it else "0" for it in stored.degraded])
-    marks = [_BYPASSED if i in stored.bypassed else "1" if it else "0" for i, it in enumerate(stored.degraded)]
+    marks = [BYPASSED if i in stored.bypassed else "1" if it else "0" for i, it in enumerate(stored.degraded)]
     return "".join(marks)
 
 

@@ -14,6 +14,8 @@ from oracle_server.core.verdicts import Outcome
 from oracle_server.history.letters import LETTERS, letters
 from oracle_server.history.records import PropertyStands, Restated, StoredRevision, StoredStep
 
+BYPASSED = "2"
+"""The digit of a property that is degraded only while a stream is bypassed."""
 _OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
 
 RESTATE = """
@@ -81,14 +83,17 @@ def outcomes_of(text: str) -> tuple[Outcome | None, ...]:
     return tuple([_OUTCOMES[letter] for letter in text])
 
 
-def stands(names: Sequence[str], outcomes: str, pending: str | None, told: str | None) -> list[PropertyStands]:
+def stands(
+    names: Sequence[str], outcomes: str, degraded: str, pending: str | None, told: str | None
+) -> list[PropertyStands]:
     """How each property stands, by the columns of a step, and its violations as JSON."""
     counts = _decode(pending) if pending else {}
     violations = _decode(told) if told else {}
     found = []
-    for i, (name, outcome) in enumerate(zip(names, outcomes_of(outcomes), strict=True)):
+    for i, (name, outcome, digit) in enumerate(zip(names, outcomes_of(outcomes), degraded, strict=True)):
         count, first = violations.get(name, (0, None))
-        found.append(PropertyStands(name, outcome or Outcome.UNKNOWN, count, first, counts.get(str(i))))
+        of_it = outcome or Outcome.UNKNOWN, count, first, counts.get(str(i))
+        found.append(PropertyStands(name, *of_it, degraded=digit == "1", bypassed=digit == BYPASSED))
     return found
 
 

@@ -18,7 +18,8 @@ from oracle_server.history.sql.troubles import noted
 OPEN = (
     f"SELECT {','.join(f's.{name}' for name in SESSION_COLUMNS)}, "  # noqa: S608 -- no value is in it
     f"""
-    coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending,
+    coalesce(last.position, 0), coalesce(last.standing, last.outcomes),
+    coalesce(last.standing_degraded, last.degraded), last.pending,
     (SELECT json_group_object(property, json_array(violations, first)) FROM ({VIOLATIONS})),
     (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number), s.state
 FROM sessions s LEFT JOIN steps last ON last.session = s.number AND last.position = (
@@ -44,8 +45,8 @@ def values(name: str | None, origin: str | None, *, forwarded: bool) -> tuple[st
 def other(place: Elsewhere | None, row: Row) -> OtherSession:
     """A row of `OPEN` as a session at a place, or at the robot that forwarded it."""
     record = session_of(row[: len(SESSION_COLUMNS)])
-    steps, outcomes, pending, told, them, state = row[-6:]
-    properties = stands(record.properties, outcomes, pending, told) if steps else []
+    steps, outcomes, degraded, pending, told, them, state = row[-7:]
+    properties = stands(record.properties, outcomes, degraded, pending, told) if steps else []
     monitors = [(name, attached > 0, clock) for name, attached, clock in _decode(them)]
     origin = origin_of(record.id)
     if place is None or origin is not None:

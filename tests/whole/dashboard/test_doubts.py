@@ -11,6 +11,7 @@ from tests.whole.conftest import Starts
 from tests.whole.harness import run
 
 LOST = "5 events were lost, and not judged: /a"
+DEGRADED = "verdicts of a_is_small are degraded: what came before was lost, skipped, not computed or judged too early"
 SILENT = "/b: no event in the recording"
 
 
@@ -58,3 +59,33 @@ async def test_a_recording_that_lacks_a_stream_is_not_good(start: Starts, page: 
     await page.goto(f"{server.url}/#/sessions/one")
     await expect(page.locator(".now .card")).to_contain_text(SILENT)
     await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
+
+
+async def test_a_session_that_was_judged_too_early_is_degraded(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    async with (
+        attached(server, "behind", session="full", spec="tiny", streams=["/b"]),
+        attached(server, session="full", streams=["/a"]) as monitor,
+    ):
+        await monitor.send(*(make_event(i, at=i, data={"v": 1}) for i in range(1, 9)))
+        await server.until(lambda: server.get("sessions/full")["counters"]["steps"], lambda steps: steps == 3)
+        assert [r["degraded"] for r in server.records("full")] == [True] * 3
+        assert server.get("sessions/full")["doubts"] == [DEGRADED]
+        await page.goto(f"{server.url}/")
+        await expect(page.get_by_role("toolbar", name="Kinds")).to_contain_text("Degraded 1")
+        await page.goto(f"{server.url}/#/sessions/full")
+        await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
+        await expect(page.locator(".now .card")).to_contain_text(DEGRADED)
+
+
+async def test_who_only_reads_a_history_tells_that_something_was_lost(start: Starts, page: Page) -> None:
+    server = start()
+    async with attached(server, session="lost", spec="single") as monitor:
+        await monitor.send(make_event(1, data={"v": 1}), make_event(2, data={"v": 1}, lost=5))
+        await monitor.acked(2)
+        reader = start(ORACLE_READ_ONLY="1")
+        assert reader.get("sessions/lost")["doubts"] == [DEGRADED]
+        await page.goto(f"{reader.url}/")
+        await expect(page.get_by_role("toolbar", name="Kinds")).to_contain_text("Degraded 1")
+        await page.goto(f"{reader.url}/#/sessions/lost")
+        await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
