@@ -2,12 +2,14 @@
 
 import { read } from "./address.js";
 import { pause, Problem, remember } from "./api.js";
+import { now } from "./clock.js";
 import { compareView } from "./compare.js";
 import { h } from "./dom.js";
 import { editorView } from "./editor.js";
 import { sessionView } from "./session.js";
 import { sessionsView } from "./sessions.js";
 import { specView, specsView } from "./specs.js";
+import { moment } from "./words.js";
 
 const PERIOD = 1000;
 const SHARE = 10; // requests take at most one tenth of the time where the answers are slow,
@@ -17,6 +19,7 @@ const place = document.getElementById("view");
 const link = document.getElementById("link");
 let timer;
 let latest = 0; // the number of the last refresh
+let fresh = null; // when (ms) what is shown was asked for; null before it is there
 let view = sessionsView({}, refresh);
 
 function route() {
@@ -35,6 +38,7 @@ function open() {
   else {
     view.leave?.();
     view = route();
+    fresh = null;
     document.title = view.key ? `${view.key} – oracle-server` : "oracle-server";
     place.replaceChildren(view.node);
     const here = ["specs", "edit"].includes(address.kind) ? "#/specs" : "#/";
@@ -47,14 +51,18 @@ function open() {
 async function refresh() {
   clearTimeout(timer);
   const mine = ++latest;
-  const begin = performance.now();
+  const [begin, asked] = [performance.now(), now()];
+  const slow = setTimeout(() => mine === latest && !document.hidden && outdated("The server is slow; waiting for it."), LONGEST);
   try {
     if (document.hidden) return;
     await view.refresh();
-    if (mine === latest) showStatus(true, "connected");
+    if (mine !== latest) return;
+    fresh = asked;
+    showStatus(true, "connected");
   } catch (problem) {
     if (mine === latest) failed(problem);
   } finally {
+    clearTimeout(slow);
     if (mine === latest) timer = setTimeout(refresh, Math.max(PERIOD, Math.min(LONGEST, SHARE * (performance.now() - begin)), pause()));
   }
 }
@@ -62,18 +70,25 @@ async function refresh() {
 function failed(problem) {
   if (problem instanceof Problem) return refused(problem);
   console.error(problem);
-  showStatus(false, "The page is not up to date: an answer of the server could not be shown; trying again.");
+  outdated("The page is not up to date: an answer of the server could not be shown; trying again.");
 }
 
 function refused(problem) {
   const needsToken = [401, 403].includes(problem.status);
-  if (!needsToken) showStatus(false, problem.message);
-  else if (!link.querySelector("form")) showStatus(false, problem.message, tokenForm());
+  if (!needsToken) outdated(problem.message);
+  else if (!link.querySelector("form")) outdated(problem.message, tokenForm());
+}
+
+/** Say why what is shown is not as it is now, and of when it is. */
+function outdated(why, ...more) {
+  const when = fresh === null ? "" : ` What is shown is of ${moment(fresh * 1e6).slice(0, -4)}.`;
+  showStatus(false, `${why}${when}`, ...more);
 }
 
 function showStatus(good, text, ...more) {
   if (link.textContent === text && !more.length) return;
   link.className = good ? "good" : "bad";
+  place.classList.toggle("stale", !good);
   link.replaceChildren(text, ...more);
 }
 

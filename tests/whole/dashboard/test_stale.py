@@ -1,0 +1,58 @@
+"""What a page shows is of some time: it says so where that is not now, and shows nothing of what it has not loaded."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.async_api import Page, Route, expect
+
+from tests.whole.client import attached, make_event
+from tests.whole.dashboard.test_troubles import Held
+from tests.whole.harness import Server
+
+GOOD, BAD = {"v": 1}, {"v": 11}
+QUICK = "const later = setTimeout; setTimeout = (act, ms, ...more) => later(act, ms >= 5000 ? 500 : ms, ...more);"
+"""Shortens the time after which the page takes the server for slow."""
+
+
+async def test_what_the_server_does_not_tell_any_more_is_neither_good_nor_bad(
+    server: Server, session: str, page: Page
+) -> None:
+    await page.set_viewport_size({"width": 390, "height": 844})
+    async with attached(server, session=session, spec="thirty") as monitor:
+        await monitor.send(make_event(1, at=1, data={"v": 0}))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        card = page.locator(".now .card")
+        await expect(card).to_contain_text("All 30 properties hold")
+        await page.route("**/api/v1/**", lambda route: route.abort())
+        status = page.get_by_role("status")
+        await expect(status).to_have_text(
+            re.compile(r"The server can't be reached; trying again\. What is shown is of .*\d\d:\d\d:\d\d\.$")
+        )
+        await page.locator(".violations, .details h2").last.scroll_into_view_if_needed()
+        await expect(status).to_be_in_viewport()
+        await expect(page.locator(".now")).to_have_css("filter", "grayscale(1)")
+        await page.unroute("**/api/v1/**")
+        await expect(status).to_have_text("connected")
+        await expect(page.locator(".now")).to_have_css("filter", "none")
+
+
+async def test_a_page_that_waits_for_long_says_of_when_it_is(server: Server, session: str, page: Page) -> None:
+    held = Held()
+    await page.add_init_script(QUICK)
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".now .card")).to_contain_text("Its property holds")
+        path = f"**/api/v1/sessions/{session}"
+        await page.route(path, held)
+        await monitor.send(make_event(2, at=2, data=BAD))
+        await monitor.acked(2)
+        await expect(page.get_by_role("status")).to_contain_text(
+            "The server is slow; waiting for it. What is shown is of "
+        )
+        held.open.set()
+        await expect(page.get_by_role("status")).to_have_text("connected")
+        await expect(page.locator(".now .card.open")).to_be_visible()
