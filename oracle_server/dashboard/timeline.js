@@ -1,6 +1,6 @@
 // The session by time: properties, streams, signals and decisions on one axis that is dragged, zoomed, and followed live.
 
-import { get, of } from "./api.js";
+import { get, of, Problem } from "./api.js";
 import { h } from "./dom.js";
 import { jumpBy, moveBy } from "./gestures.js";
 import { rowsOf, worstOf } from "./lanes.js";
@@ -40,6 +40,7 @@ export function timelineView(id, { choose, step, moved }) {
   let told = null; // how the session stands: its state, thresholds and episodes
   let [answer, asked, joins] = [null, null, 0]; // what is known of what is in view, and for what it was asked
   let [whole, last, timer, frame] = [null, null, null, null];
+  let most = MOST; // buckets of which an answer may be: of many properties it would be too large
   let [pinned, sought, awaited] = [null, false, []];
   let opening = null; // the part of time that the address names, until the session is known
 
@@ -80,11 +81,25 @@ export function timelineView(id, { choose, step, moved }) {
       if (until < since) return;
       const share = (until - since) / (window.until - window.since);
       const buckets = Math.max(1, Math.min(MOST, Math.round((pixels * share) / (window.live ? COARSE : 1))));
-      const found = await get(of(id, "timeline"), { since: window.time(since), until: window.time(until), buckets, signal: signals() });
+      const found = await columns({ since: window.time(since), until: window.time(until), buckets, signal: signals() });
       [answer, joins] = [{ ...found, live: window.live && shape(pixels) }, 0];
     }
     asked = wanted;
     build();
+  }
+
+  /** Ask for what is in view, in fewer buckets where the answer would be too large. */
+  async function columns(query) {
+    for (;;) {
+      const buckets = Math.min(query.buckets, most);
+      try {
+        return await get(of(id, "timeline"), { ...query, buckets });
+      } catch (problem) {
+        const smaller = problem instanceof Problem && problem.status === 422 && buckets > 1;
+        most = smaller ? Math.ceil(buckets / 2) : MOST;
+        if (!smaller) throw problem;
+      }
+    }
   }
 
   /** Add to the answer what came since; false where all of it is to be asked for. */
@@ -92,6 +107,7 @@ export function timelineView(id, { choose, step, moved }) {
     if (!answer?.live || answer.live !== shape(pixels) || ++joins > ANEW) return false;
     const until = window.time(window.end);
     const { since, buckets } = sinceThen(answer, until);
+    if (buckets > most) return false; // much time has passed since
     const later = await get(of(id, "timeline"), { since, until, buckets, signal: signals() });
     const both = joined(answer, later, window.time(Math.max(0, window.since)));
     if (both) answer = { ...both, live: answer.live };

@@ -26,3 +26,21 @@ async def test_all_that_fail_are_counted_and_long_names_are_broken(start: Starts
         await expect(page.locator(".facts")).to_contain_text(f"{PROPERTIES} open episodes")
         await expect(page.locator(".verdict dt", has_text=LONG).first).to_be_attached()
         assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+async def test_a_course_in_time_that_is_too_large_is_asked_for_in_fewer_buckets(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    properties = "".join(f"  - {{id: p{i:03}, formula: 'not {{v > {i + 10}}}'}}\n" for i in range(400))
+    spec = f"id: wide\nstreams:\n  - {{topic: /a, signals: {{v: msg.v}}}}\nproperties:\n{properties}"
+    assert server.http.put("/api/v1/specs/wide", content=spec).status_code < 300
+    async with attached(server, session="s", spec="wide") as monitor:
+        await monitor.send(*(make_event(i, at=100 * i, data={"v": 11 if i > 590 else 1}) for i in range(1, 601)))
+        await monitor.acked(600)
+        await page.set_viewport_size({"width": 1920, "height": 1000})
+        await page.goto(f"{server.url}/#/sessions/s")
+        for act in (None, "0"):  # live, and all of it
+            if act:
+                await page.locator(".plots").press(act)
+            await expect(page.locator(".now .card.open")).to_contain_text("p000 fails")
+            await expect(page.locator(".lane.property").first.locator(".value")).to_have_text("✗ for 900 ms")
+            await expect(page.get_by_role("status")).to_have_text("connected")

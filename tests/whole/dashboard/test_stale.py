@@ -6,10 +6,12 @@ import re
 
 from playwright.async_api import Page, Route, expect
 
-from tests.whole.client import attached, make_event
+from tests.whole.client import attached, make_event, make_events
+from tests.whole.dashboard.test_timeline import painted
 from tests.whole.dashboard.test_troubles import Held
 from tests.whole.harness import Server
 
+SECOND = 1000
 GOOD, BAD = {"v": 1}, {"v": 11}
 QUICK = "const later = setTimeout; setTimeout = (act, ms, ...more) => later(act, ms >= 5000 ? 500 : ms, ...more);"
 """Shortens the time after which the page takes the server for slow."""
@@ -56,3 +58,19 @@ async def test_a_page_that_waits_for_long_says_of_when_it_is(server: Server, ses
         held.open.set()
         await expect(page.get_by_role("status")).to_have_text("connected")
         await expect(page.locator(".now .card.open")).to_be_visible()
+
+
+async def test_a_live_page_goes_on_behind_a_long_gap(server: Server, session: str, page: Page) -> None:
+    failed: list[str] = []
+    page.on("response", lambda answer: failed.append(answer.url) if answer.status == 422 else None)
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_events(*(make_event(i, at=i * SECOND, data=GOOD) for i in range(1, 61))))
+        await monitor.acked(60)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await painted(page, 0.9, "holds")
+        await monitor.send(make_event(61, at=3 * 3600 * SECOND, data=BAD))
+        await monitor.acked(61)
+        await expect(page.locator(".now .card.open")).to_contain_text("a_is_small fails")
+        await expect(page.locator(".lane.property .value")).to_have_text("✗ for 0.0 ms")
+        await painted(page, 0.98, "fails")
+    assert failed == []
