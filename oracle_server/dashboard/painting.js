@@ -71,7 +71,7 @@ export function runs({ since, width, codes }, until) {
 export function paintLane(canvas, window, lane) {
   const at = pen(canvas, window);
   const middle = Math.round(at.height / 2);
-  const end = Math.min(window.end, window.until);
+  const end = Math.min(window.end, window.until, lane.since + lane.codes.length * lane.width); // beyond nothing is known yet
   for (const run of runs(lane, end)) {
     const from = Math.max(0, at.x(run.from));
     const to = Math.min(at.width, Math.max(at.x(Math.min(run.to, end)), from + 1));

@@ -7,7 +7,7 @@ import re
 from playwright.async_api import Page, Route, expect
 
 from tests.whole.client import attached, make_event, make_events
-from tests.whole.dashboard.test_timeline import painted
+from tests.whole.dashboard.test_timeline import PIXEL, painted
 from tests.whole.dashboard.test_troubles import Held
 from tests.whole.harness import Server
 
@@ -74,3 +74,29 @@ async def test_a_live_page_goes_on_behind_a_long_gap(server: Server, session: st
         await expect(page.locator(".lane.property .value")).to_have_text("✗ for 0.0 ms")
         await painted(page, 0.98, "fails")
     assert failed == []
+
+
+async def test_a_part_of_time_that_is_not_loaded_shows_no_outcome(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        said = [BAD if 600 <= i < 900 else GOOD for i in range(1, 1201)]
+        for first in (0, 400, 800):
+            some = enumerate(said[first : first + 400], first + 1)
+            await monitor.send(make_events(*(make_event(i, at=i * SECOND, data=data) for i, data in some)))
+        await monitor.acked(1200)
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    whole = page.locator("canvas.overview")
+    await painted(page, 0.9, "holds")
+    box = await whole.bounding_box()
+    assert box is not None
+    await whole.click(position={"x": 0.1 * box["width"], "y": 5})
+    await painted(page, 0.9, "holds")
+    await page.route("**/timeline?**", lambda route: route.abort())
+    shown = page.locator(".time .shown")
+    before = await shown.inner_text()
+    await whole.click(position={"x": 0.6 * box["width"], "y": 5})
+    await expect(shown).not_to_have_text(before)
+    canvas = await page.locator(".lane.property canvas").element_handle()
+    assert not await page.evaluate(PIXEL, [canvas, 0.5, "holds"]), "it fails there"
+    await page.unroute("**/timeline?**")
+    fails = f"([lane, at]) => ['fails', 'fails-soft'].some((name) => ({PIXEL})([lane, at, name]))"
+    await page.wait_for_function(fails, arg=[canvas, 0.5])
