@@ -56,8 +56,9 @@ export function sessionView(address, again) {
     properties.show({ id, spec: spec.formulas, states: state.properties, clock: state.clock }, propertyTable);
     settle();
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
+    const drawn = timeline.refresh(state, spec.thresholds, found);
     const parts = await Promise.allSettled([
-      timeline.refresh(state, spec.thresholds, found).then(() => now.refresh(state, found, timeline.last())),
+      drawn, drawn.catch(() => {}).then(() => now.refresh(state, found, timeline.last())), // which says what it can without
       verdict.refresh(state), lower.violations(() => violations.refresh(state)),
     ]);
     list.show(found, state.clock, timeline.last());

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 from playwright.async_api import Page, Route, expect
@@ -15,6 +16,7 @@ SECOND = 1000
 GOOD, BAD = {"v": 1}, {"v": 11}
 QUICK = "const later = setTimeout; setTimeout = (act, ms, ...more) => later(act, ms >= 5000 ? 500 : ms, ...more);"
 """Shortens the time after which the page takes the server for slow."""
+UNREADY = "the timeline is made; ask again later"
 
 
 async def test_what_the_server_does_not_tell_any_more_is_neither_good_nor_bad(
@@ -58,6 +60,24 @@ async def test_a_page_that_waits_for_long_says_of_when_it_is(server: Server, ses
         held.open.set()
         await expect(page.get_by_role("status")).to_have_text("connected")
         await expect(page.locator(".now .card.open")).to_be_visible()
+
+
+async def test_what_is_wrong_is_told_where_there_is_no_timeline(server: Server, session: str, page: Page) -> None:
+    async def refuse(route: Route) -> None:
+        await route.fulfill(
+            status=503, content_type="application/problem+json", body=json.dumps({"status": 503, "detail": UNREADY})
+        )
+
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".now .card")).to_contain_text("Its property holds")
+        await page.route("**/timeline?**", refuse)
+        await monitor.send(make_event(2, at=2 * SECOND, data=BAD))
+        await monitor.acked(2)
+        await expect(page.locator(".now .card.open")).to_contain_text("a_is_small fails")
+        await expect(page.get_by_role("status")).to_contain_text(UNREADY)
 
 
 async def test_a_live_page_goes_on_behind_a_long_gap(server: Server, session: str, page: Page) -> None:
