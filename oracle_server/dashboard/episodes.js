@@ -58,6 +58,12 @@ export function isSame(one, other) {
   return one.property === other?.property && one.first === other?.first && one.order === other?.order;
 }
 
+/** What is said where none is there of a session's episodes, or violations: there may have been some. */
+export function noneOf({ properties, trouble }) {
+  if (!properties.some((each) => each.violations > 0)) return "None.";
+  return trouble ? "None that is kept." : "Those that there were are kept no more.";
+}
+
 /** How long an episode lasts (ns); an open one until `now`, the time of the newest step. */
 export function lasted({ began, until }, now) {
   const end = until ?? now;
@@ -89,8 +95,10 @@ export function episodeList(id, visit) {
   const settle = rove(list.node, "a", UP_AND_DOWN);
   const HEAD = ["property", "began", "lasted", "violations", "worst", "why"];
 
-  function show(found, clock, now) {
-    list.show([found, clock, found.some(({ open }) => open) && String(now)], () => (found.length ? listed(found, clock, now) : h("p", { class: "hint" }, "None.")));
+  function show(found, state, now) {
+    const { clock } = state;
+    const none = noneOf(state);
+    list.show([found, clock, none, found.some(({ open }) => open) && String(now)], () => (found.length ? listed(found, clock, now) : h("p", { class: "hint" }, none)));
     settle();
   }
 

@@ -61,7 +61,7 @@ export function sessionView(address, again) {
       drawn, drawn.catch(() => {}).then(() => now.refresh(state, found, timeline.last())), // which says what it can without
       verdict.refresh(state), lower.violations(() => violations.refresh(state)),
     ]);
-    list.show(found, state.clock, timeline.last());
+    list.show(found, state, timeline.last());
     await lower.chart(() => chart.refresh(state));
     bar.show();
     for (const { reason } of parts) if (reason) throw reason;

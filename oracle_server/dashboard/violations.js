@@ -3,6 +3,7 @@
 import { at } from "./address.js";
 import { DelayedHistory, get, of } from "./api.js";
 import { h, Place, rove, UP_AND_DOWN } from "./dom.js";
+import { noneOf } from "./episodes.js";
 import { causes, place } from "./words.js";
 
 const PAGE = 20;
@@ -20,8 +21,7 @@ export function violationsView(id, again) {
       latest = await read();
       history.wasRead();
     }
-    const counted = state.properties.some((each) => each.violations > 0);
-    list.show({ ...latest, clock: state.clock, counted, trouble: state.trouble }, (shown) => listed(shown, () => {
+    list.show({ ...latest, clock: state.clock, none: noneOf(state) }, (shown) => listed(shown, () => {
       limit = Math.min(MOST, 2 * limit);
       again();
     }));
@@ -37,9 +37,8 @@ export function violationsView(id, again) {
     }
   }
 
-  function listed({ items, more, cut, clock, counted, trouble }, older) {
-    const none = cut ? `Of the newest ${MOST} none stands.` : !counted ? "None." : trouble ? "None that is kept." : "Those that there were are kept no more.";
-    if (!items.length) return h("p", { class: "hint" }, none);
+  function listed({ items, more, cut, clock, none }, older) {
+    if (!items.length) return h("p", { class: "hint" }, cut ? `Of the newest ${MOST} none stands.` : none);
     return [
       h("ol", { class: "violations" }, items.map((each) => entry(each, clock))),
       more ? h("button", { onclick: older }, "Older ones") : null,
