@@ -21,15 +21,16 @@ export function nowView(id, visit) {
     const last = found.filter((each) => !each.open).sort(byEnd)[0] ?? null;
     const shown = [...open.slice(0, OPEN), last].filter(Boolean);
     await Promise.all(shown.map(learn));
-    const { properties, clock, status, live, monitors, trouble, doubts } = state;
+    const { properties, clock, status, live, kind, monitors, trouble, doubts } = state;
+    const alone = status === "open" && !live && !trouble && kind !== "recording";
     const known = shown.map((each) => records.get(key(each)) ?? null);
     const standing = properties.map(({ id: name, outcome, broken, caveats }) => [name, outcome, broken, caveats?.length > 0]);
     const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some((each) => each.trouble));
     const gone = properties.some(({ violations }) => violations > 0);
-    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, status, live, gone, String(now)], () => [
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, alone, gone, String(now)], () => [
       ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, { troubled, trouble, doubts }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
+      open.length ? null : calm(standing, { troubled, trouble, doubts, alone }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
       last ? card(last, clock, now) : null,
     ]);
   }
@@ -78,18 +79,19 @@ function firstOf(record) {
 }
 
 /** What is said where no episode is open, and `rest` of those before: that all is well only where all is known to hold. */
-function calm(standing, { troubled, trouble, doubts }, rest) {
+function calm(standing, { troubled, trouble, doubts, alone }, rest) {
   if (!standing.length) return h("p", { class: "card calm unsure", "data-state": "not judged" }, h("strong", {}, "How its properties stand is not known"));
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
   const degraded = standing.filter(([, , , is]) => is).map(([name]) => name);
   const holding = standing.length - failing.length - unknown.length;
-  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : ["hold", "good"];
+  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : alone ? ["not watched", "unsure"] : ["hold", "good"];
   const few = (names) => `${names.slice(0, 3).join(", ")}${names.length > 3 ? " …" : ""}`;
   const words = [
     failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
     unknown.length ? `${unknown.length} of ${standing.length} not judged: ${few(unknown)}` : null,
-    !failing.length && !unknown.length ? (holding === 1 ? "Its property holds" : `All ${holding} properties hold`) : null,
+    !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held" : holding === 1 ? "holds" : "hold"}` : null,
+    alone ? "no monitor is there now" : null,
     degraded.length ? `${degraded.length} of ${standing.length} degraded: ${few(degraded)}` : null,
     troubled ? "not all streams are heard as they should be" : null,
     ...doubts.slice(0, FEW),

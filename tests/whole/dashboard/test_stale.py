@@ -120,3 +120,15 @@ async def test_a_part_of_time_that_is_not_loaded_shows_no_outcome(server: Server
     await page.unroute("**/timeline?**")
     fails = f"([lane, at]) => ['fails', 'fails-soft'].some((name) => ({PIXEL})([lane, at, name]))"
     await page.wait_for_function(fails, arg=[canvas, 0.5])
+
+
+async def test_what_nobody_observes_is_told_as_past(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        card = page.locator(".now .card")
+        await expect(card).to_have_attribute("data-state", "hold")
+        await monitor.detach()
+        await expect(card).to_contain_text("Its property held; no monitor is there now")
+        await expect(card).to_have_attribute("data-state", "not watched")
