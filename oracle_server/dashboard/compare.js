@@ -10,6 +10,7 @@ import { badge, counted, life, moment, span } from "./words.js";
 const BUCKETS = 400;
 const MOST = 1000; // episodes of each
 const NEAR = 1_000_000_000; // ns: episodes that are no further apart are one and the same
+const FEW = 3; // of what was not judged
 const LOOKS = { T: "holds", t: "holds", u: "unknown", f: "fails", F: "fails" };
 
 /** The view that compares a session with another one, or asks with which. */
@@ -22,7 +23,7 @@ export function compareView(id, other) {
   async function refresh() {
     if (!other) return choose();
     const states = await Promise.all([id, other].map((each) => get(of(each))));
-    const news = states.map(({ status, properties, counters, revising }) => [status, properties.map((each) => [each.outcome, each.violations]), counters.steps, revising?.passes]);
+    const news = states.map((each) => [each.status, each.properties.map(({ outcome, violations }) => [outcome, violations]), each.counters.steps, each.revising?.passes, doubtsOf(each)]);
     if (found && !history.isDue(JSON.stringify(news))) return;
     const sides = await Promise.all(states.map(sideOf));
     history.wasRead();
@@ -51,7 +52,7 @@ async function sideOf(state) {
   const [whole, episodes] = await Promise.all([get(of(state.id, "timeline"), { buckets: 1, part: "lanes" }), episodesOf(state.id)]);
   const [first, last] = [whole.first ?? 0, whole.last ?? 0];
   const lanes = whole.first === null ? null : await get(of(state.id, "timeline"), { since: first, until: last, buckets: BUCKETS, part: "lanes" });
-  return { state, first, length: Number(BigInt(last) - BigInt(first)), episodes, lanes };
+  return { state, first, begun: whole.first, length: Number(BigInt(last) - BigInt(first)), episodes, lanes };
 }
 
 async function episodesOf(id) {
@@ -66,6 +67,7 @@ function shown(sides) {
   const gone = sides.filter(isCut).map(({ state }) => state.id);
   return [
     gone.length ? h("p", { class: "complaint" }, `Not all episodes of ${gone.join(" and ")} are kept any more: what differs in those that are gone is not known.`) : null,
+    sides.map(({ state }) => unsure(state)),
     h("p", { class: "first" }, first ? [h("strong", {}, "What differs first: "), sentence(sides, ...first)]
       : [h("strong", {}, gone.length ? "No episode that is kept differs. " : "No episode differs. "), together(sides)]),
     h("div", { class: "sides" }, sides.map((side, i) => headed(side, i))),
@@ -80,9 +82,21 @@ function shown(sides) {
   ];
 }
 
-function headed({ state, first, length }, i) {
+function headed({ state, begun, length }, i) {
   return h("p", {}, i ? "below: " : "above: ", h("a", { href: at(state.id) }, state.id), ` ${life({ ...state, since: state.without_monitor_since })}, judged by `,
-    h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec), `, first step ${moment(first || null, state.clock)}, ${span(length)} long, ${state.counters.steps} steps`);
+    h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec), `, first step ${moment(begun, state.clock)}, ${span(length)} long, ${state.counters.steps ?? "–"} steps`);
+}
+
+/** Why what is told of a session may be wrong: what keeps it from being judged, or judged right, and what was not judged. */
+function doubtsOf({ status, trouble, properties, doubts }) {
+  const caveats = status === "open" ? properties.flatMap((each) => (each.caveats ?? []).map((text) => `${each.id} is degraded: ${text}`)) : [];
+  return [...new Set([trouble, ...caveats, ...doubts].filter(Boolean))];
+}
+
+function unsure(state) {
+  const all = doubtsOf(state);
+  const rest = all.length > FEW ? `; and ${all.length - FEW} more` : "";
+  return all.length ? h("p", { class: "complaint" }, `${state.id}: ${all.slice(0, FEW).join("; ")}${rest}`) : null;
 }
 
 /** Whether a session had violations that are in none of its episodes: they were deleted with their events. */

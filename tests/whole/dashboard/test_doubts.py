@@ -89,3 +89,13 @@ async def test_who_only_reads_a_history_tells_that_something_was_lost(start: Sta
         await expect(page.get_by_role("toolbar", name="Kinds")).to_contain_text("Degraded 1")
         await page.goto(f"{reader.url}/#/sessions/lost")
         await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
+
+
+async def test_what_was_lost_is_told_where_sessions_are_compared(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    for session, lost in (("sound", 0), ("lost", 5)):
+        async with attached(server, session=session, spec="single") as monitor:
+            await monitor.send(make_event(1, data={"v": 1}), make_event(2, data={"v": 1}, lost=lost))
+            await monitor.acked(2)
+    await page.goto(f"{server.url}/#/compare/sound/lost")
+    await expect(page.locator(".compared .complaint")).to_have_text([f"lost: {LOST}"])
