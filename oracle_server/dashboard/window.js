@@ -88,8 +88,10 @@ export class Window {
   }
 }
 
+const DAY = 86400e9; // ns
+const LONG = 100 * DAY; // from which on labels have years
 const STEPS = [1e6, 2e6, 5e6, 1e7, 2e7, 5e7, 1e8, 2e8, 5e8, 1e9, 2e9, 5e9, 10e9, 15e9, 30e9, 60e9, 120e9, 300e9, 600e9,
-  1800e9, 3600e9, 7200e9, 21600e9, 86400e9];
+  1800e9, 3600e9, 7200e9, 21600e9, DAY, 2 * DAY, 5 * DAY, 10 * DAY, 30 * DAY, LONG, 365 * DAY, 3650 * DAY];
 const APART = 90; // pixels between two labels
 
 /** The distance of two labels on an axis (ns), where it shows `span` ns on `pixels`. */
@@ -97,11 +99,13 @@ export function labelStep(span, pixels) {
   return STEPS.find((step) => (step / span) * pixels >= APART) ?? STEPS.at(-1);
 }
 
-/** The text of a time on an axis whose labels are `step` ns apart: seconds for a simulated clock, else the time of day. */
+/** The text of a time on an axis whose labels are `step` ns apart: seconds for a simulated clock, else the time of day, with its date where there are few a day. */
 export function label(time, step, clock) {
   const digits = step >= 1e9 ? 0 : Math.ceil(-Math.log10(step / 1e9));
   if (clock === "sim") return `${(Number(time) / 1e9).toFixed(digits)} s`;
   const date = new Date(Number(time / 1_000_000n));
+  if (step >= LONG) return date.toLocaleDateString("sv");
+  if (step > 7200e9) return `${date.toLocaleDateString("sv").slice(5)} ${date.toTimeString().slice(0, 5)}`;
   const rest = (time % 1_000_000_000n).toString().padStart(9, "0").slice(0, digits);
   const text = date.toTimeString().slice(0, step >= 60e9 ? 5 : 8);
   return digits ? `${text}.${rest}` : text;

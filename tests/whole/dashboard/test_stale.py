@@ -132,3 +132,18 @@ async def test_what_nobody_observes_is_told_as_past(server: Server, session: str
         await monitor.detach()
         await expect(card).to_contain_text("Its property held; no monitor is there now")
         await expect(card).to_have_attribute("data-state", "not watched")
+
+
+async def test_the_axis_of_days_has_dates_that_do_not_cover_each_other(server: Server, page: Page) -> None:
+    await page.goto(server.url)
+    labels = """async ([step, clock]) => {
+      const { label, labelStep } = await import("./dashboard/window.js");
+      return [label(1732147200000000000n, step, clock), labelStep(step, 1000)];
+    }"""
+    day = 86_400 * 10**9
+    local = "new Date(1732147200000).toLocaleString('sv').slice(5, 16)"
+    for step, clock, told in ((day, "wall", await page.evaluate(local)), (3650 * day, "wall", "2024-11-21")):
+        assert (await page.evaluate(labels, [step, clock]))[0] == told
+    for span in (day, 30 * day, 365 * day, 50 * 365 * day):
+        step = (await page.evaluate(labels, [span, "wall"]))[1]
+        assert step / span * 1000 >= 90, "pixels from one to the next"
