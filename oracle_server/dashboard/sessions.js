@@ -14,6 +14,7 @@ import { badge, count, counted, life, moment, span } from "./words.js";
 const HEAD = ["session", "what is wrong", "for", "last hour", "in 24 h", "outcome", "spec", "status", "steps", "monitors", "opened"];
 const MOST = 200; // rows that are shown unless more are asked for
 const WIDE = 12; // thousandths of an hour's strip: two pixels
+const LISTED = 1000; // closed sessions that the server lists
 const EPISODES = 1000; // open ones that are asked for
 
 /** The list of sessions, with a search by text and by kind, which the address names. */
@@ -69,9 +70,11 @@ export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}
     const place = ({ id }) => places.get(id) ?? places.size;
     const sorted = found.sort((one, other) => place(one) - place(other)); // who points there finds it where it was
     order = sorted.map(({ id }) => id);
-    list.show([found.length > 0, all.length > 0, found.length > most && found.length], ([any, some, rest]) => [
+    const cut = all.filter(({ status }) => status === "closed").length >= LISTED;
+    list.show([found.length > 0, all.length > 0, found.length > most && found.length, cut], ([any, some, rest]) => [
       any ? frame : h("p", { class: "hint" }, some ? `None of ${all.length} is like that.` : "None yet: attach an adapter, or a monitor of ROSMonitoring."),
       rest ? h("p", {}, h("button", { onclick: more }, `Show more of ${rest}`)) : null,
+      cut ? h("p", { class: "hint" }, `Of closed sessions the last ${LISTED} are here; there may be older ones.`) : null,
     ]);
     fill(sorted.slice(0, most));
   }

@@ -9,7 +9,7 @@ from contextlib import AsyncExitStack, closing
 from pathlib import Path
 
 import pytest_asyncio
-from playwright.async_api import Page, expect
+from playwright.async_api import Page, Route, expect
 
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import Starts
@@ -87,3 +87,19 @@ async def test_who_needs_somebody_is_found_among_a_thousand(fleet: Server, page:
     await expect(names.nth(1)).to_be_focused()
     await page.locator(".sessions a.bad").first.click()
     await expect(page.locator(".verdict").get_by_role("heading")).to_contain_text("currently_false at step 2")
+
+
+async def test_that_older_sessions_are_not_listed_is_said(server: Server, session: str, page: Page) -> None:
+    """A server lists the last thousand closed sessions: one that is not found may be older."""
+    assert server.http.post("/api/v1/sessions", json={"spec": "single", "id": session}).status_code == 201
+    assert server.http.delete(f"/api/v1/sessions/{session}").status_code == 200
+
+    async def multiply(route: Route) -> None:
+        found = (await (await route.fetch()).json())["items"]
+        one = next(each for each in found if each["id"] == session)
+        await route.fulfill(json={"items": [{**one, "id": f"{session}-{i}"} for i in range(1000)]})
+
+    await page.route("**/api/v1/sessions?**", multiply)
+    await page.goto(f"{server.url}/#/?q=not-there")
+    await expect(page.locator(".found")).to_contain_text("None of 1000 is like that.")
+    await expect(page.locator(".found")).to_contain_text("Of closed sessions the last 1000 are here")
