@@ -89,7 +89,7 @@ function columnsOf(records, width, said) {
 function drawn({ id, n, order, orders, properties, witnesses, columns }, choose) {
   if (!columns.length) {
     return n ? [h("p", { class: "hint" }, `There are no steps around verdict ${n}.`), h("p", { class: "tools" }, moves(id, n, columns))]
-      : h("p", { class: "hint" }, "Nothing was judged yet.");
+      : h("p", { class: "hint" }, properties.length ? "Nothing was judged yet." : "Which properties it judges is not known, so that its steps are not shown.");
   }
   const explains = (each) => witnesses.includes(each.step) && "witness";
   const row = (name, cells) => h("tr", {}, h("th", { scope: "row", title: name }, name), cells);

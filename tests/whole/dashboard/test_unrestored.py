@@ -20,3 +20,4 @@ async def test_why_a_session_could_not_be_restored_is_shown(page: Page, tmp_path
         await expect(page.get_by_text("unrestored", exact=True)).to_be_visible()
         await expect(page.get_by_role("status")).to_have_text("connected")
         await expect(page.locator(".now .card")).to_contain_text("a_is_small fails")
+        await expect(page.locator(".chart")).to_contain_text("Which properties it judges is not known")
