@@ -75,6 +75,7 @@ class Editor {
     keep(this.#id, this.#dirty ? { text: this.#field.text, tag: this.#base.tag } : null);
     this.#review.replaceChildren();
     this.#say("hint", "");
+    this.#tell("hint", "Checking…"); // what was found is of another text
     this.#await(AFTER);
   }
 

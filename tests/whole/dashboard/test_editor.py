@@ -11,6 +11,7 @@ from playwright.async_api import Page, expect
 from oracle_server.edge.tokens import add
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import Starts
+from tests.whole.dashboard.test_troubles import Held
 from tests.whole.harness import Server, problem
 
 TEXT = """id: {id}
@@ -158,3 +159,18 @@ async def test_without_the_scope_it_says_so(start: Starts, page: Page) -> None:
     await page.get_by_role("button", name="Use").click()
     await expect(page.locator("#told")).to_have_text("Not checked: the token lacks the scope `admin`")
     await expect(page.get_by_role("button", name="Review and store…")).to_be_disabled()
+
+
+async def test_what_was_found_of_another_text_is_not_said_of_this_one(server: Server, spec: str, page: Page) -> None:
+    held = Held()
+    await page.goto(f"{server.url}/#/edit/{spec}")
+    told, text = page.locator("#told"), page.locator(FIELD)
+    await expect(told).to_have_text("sound")
+    await page.route("**/check", held)
+    await text.press("Control+Home")
+    await text.press("End")
+    async with page.expect_request("**/check"):
+        await page.keyboard.type("?")
+    await expect(told).to_have_text("Checking…")
+    held.open.set()
+    await expect(told).to_contain_text("not sound")
