@@ -15,6 +15,7 @@ import { violationsView } from "./violations.js";
 import { badge, byGravity, count, counted, life, moment, place, span, stream } from "./words.js";
 
 const TROUBLES = 3; // streams of which it is said at the head what is wrong with them
+const UNKNOWN = { formulas: {}, thresholds: [] }; // of a spec
 const SETTLED = 400; // ms after the last move until the address says what is in view
 const PARTS = { Now: ".now", Time: ".time", Why: ".verdict", Sequence: ".sequence", More: ".details" };
 
@@ -52,11 +53,12 @@ export function sessionView(address, again) {
   async function refresh() {
     const [state, found] = await standing();
     spec ??= await specOf(state);
-    head.show(headline(state, found, episodes.first()), (shown) => headed(shown, visit));
-    properties.show({ id, spec: spec.formulas, states: state.properties, clock: state.clock }, propertyTable);
+    const { formulas, thresholds } = spec ?? UNKNOWN;
+    head.show({ ...headline(state, found, episodes.first()), changed: spec?.changed }, (shown) => headed(shown, visit));
+    properties.show({ id, spec: formulas, states: state.properties, clock: state.clock }, propertyTable);
     settle();
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
-    const drawn = timeline.refresh(state, spec.thresholds, found);
+    const drawn = timeline.refresh(state, thresholds, found);
     const parts = await Promise.allSettled([
       drawn, drawn.catch(() => {}).then(() => now.refresh(state, found, timeline.last())), // which says what it can without
       verdict.refresh(state), lower.violations(() => violations.refresh(state)),
@@ -155,10 +157,11 @@ function whileInView(node) {
   return Object.assign(call, { leave: () => observer.disconnect() });
 }
 
-/** The session's spec: its properties by id, and what numbers they compare with; none where the server has another one. */
+/** The session's spec: its properties by id, and what numbers they compare with; none where the server has another one, null where it does not tell now. */
 async function specOf(state) {
-  const found = await get(`specs/${encodeURIComponent(state.spec)}`).catch(() => null);
-  if (found?.digest !== state.spec_digest) return { formulas: {}, thresholds: [] };
+  const found = await get(`specs/${encodeURIComponent(state.spec)}`).catch(({ status = 0 }) => (status === 0 || status >= 429 ? null : {}));
+  if (found === null) return null;
+  if (found.digest !== state.spec_digest) return { ...UNKNOWN, changed: Boolean(found.digest) };
   return { formulas: Object.fromEntries(found.properties.map((each) => [each.id, each])), thresholds: found.thresholds ?? [] };
 }
 
@@ -182,7 +185,7 @@ function headed(state, visit) {
       state.first ? h("span", {}, "first wrong ", h("a", { href: at(state.id, state.first.first), onclick: (click) => visit(state.first, click) }, moment(state.first.began, state.clock)), ` (${state.first.property})`) : null,
       state.status === "open" ? h("span", {}, h("b", {}, `${state.there} of ${state.monitors}`), " monitors") : null,
       h("span", {}, "judged by ", h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
-        state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
+        state.changed ? ", which has another text now" : null, state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
       counted_.map(([name, value]) => h("span", {}, h("b", {}, String(value)), ` ${name}`)),
       h("a", { href: compared(state.id) }, "Compare…")),
     state.trouble ? h("p", { class: "complaint" }, state.trouble) : null,

@@ -122,6 +122,18 @@ async def test_a_part_of_time_that_is_not_loaded_shows_no_outcome(server: Server
     await page.wait_for_function(fails, arg=[canvas, 0.5])
 
 
+async def test_a_spec_that_can_not_be_had_is_asked_for_again(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.route("**/api/v1/specs/single", lambda route: route.abort())
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".lane.property")).to_have_count(1)
+        await expect(page.locator(".lane.signal")).to_have_count(0)
+        await page.unroute("**/api/v1/specs/single")
+        await expect(page.locator(".lane.signal")).to_have_count(1)
+
+
 async def test_what_nobody_observes_is_told_as_past(server: Server, session: str, page: Page) -> None:
     async with attached(server, session=session, spec="single") as monitor:
         await monitor.send(make_event(1, at=1, data=GOOD))
@@ -147,3 +159,17 @@ async def test_the_axis_of_days_has_dates_that_do_not_cover_each_other(server: S
     for span in (day, 30 * day, 365 * day, 50 * 365 * day):
         step = (await page.evaluate(labels, [span, "wall"]))[1]
         assert step / span * 1000 >= 90, "pixels from one to the next"
+
+
+async def test_a_session_by_another_text_of_its_spec_says_so(server: Server, session: str, page: Page) -> None:
+    for bound in (5, 50):
+        streams, formula = "[{topic: /a, signals: {v: msg.v}}]", f"not {{v > {bound}}}"
+        text = f"id: {session}\nstreams: {streams}\nproperties: [{{id: low, formula: '{formula}'}}]\n"
+        server.http.put(f"/api/v1/specs/{session}", content=text).raise_for_status()
+        if bound == 5:
+            assert server.http.post("/api/v1/sessions", json={"spec": session, "id": session}).status_code == 201
+            await page.goto(f"{server.url}/#/sessions/{session}")
+            await expect(page.locator(".facts")).to_contain_text("judged by")
+            await expect(page.locator(".facts")).not_to_contain_text("another text")
+    await page.reload()
+    await expect(page.locator(".facts")).to_contain_text(f"judged by {session}, which has another text now")
