@@ -4,6 +4,7 @@ import { at, compared, ofRobot, rename } from "./address.js";
 import { get, items, of } from "./api.js";
 import { barView } from "./bar.js";
 import { chartView } from "./chart.js";
+import { now as present } from "./clock.js";
 import { h, Place, rove, table, UP_AND_DOWN, wide } from "./dom.js";
 import { episodeList, episodesOf } from "./episodes.js";
 import { nowView } from "./now.js";
@@ -16,6 +17,7 @@ import { badge, byGravity, count, counted, life, moment, place, span, stream } f
 
 const TROUBLES = 3; // streams of which it is said at the head what is wrong with them
 const UNKNOWN = { formulas: {}, thresholds: [] }; // of a spec
+const LONG = 120_000; // ms without a step, from which on it is said
 const SETTLED = 400; // ms after the last move until the address says what is in view
 const PARTS = { Now: ".now", Time: ".time", Why: ".verdict", Sequence: ".sequence", More: ".details" };
 
@@ -54,7 +56,7 @@ export function sessionView(address, again) {
     const [state, found] = await standing();
     spec ??= await specOf(state);
     const { formulas, thresholds } = spec ?? UNKNOWN;
-    head.show({ ...headline(state, found, episodes.first()), changed: spec?.changed }, (shown) => headed(shown, visit));
+    head.show({ ...headline(state, found, episodes.first()), changed: spec?.changed, silent: silence(state, timeline.last()) }, (shown) => headed(shown, visit));
     properties.show({ id, spec: formulas, states: state.properties, clock: state.clock }, propertyTable);
     settle();
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
@@ -173,6 +175,12 @@ function headline({ id, spec, kind, origin, run, status, live, idle, without_mon
   return { id, spec, kind, origin, run, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next, open, first, there, monitors: monitors.length, troubles, recording };
 }
 
+/** For how long an open session has had no step, in words, by its newest one (ns); null where that is not long. */
+function silence({ status, clock, kind }, last) {
+  const long = last === null ? 0 : present() - Number(last) / 1e6;
+  return status === "open" && clock === "wall" && kind !== "recording" && long > LONG ? span(long * 1e6) : null;
+}
+
 function headed(state, visit) {
   const counted_ = Object.entries(state.counters).filter(([name, value]) => value || (name === "steps" && value !== null));
   return [
@@ -184,6 +192,7 @@ function headed(state, visit) {
         state.because ? ` (${state.because})` : ""),
       state.first ? h("span", {}, "first wrong ", h("a", { href: at(state.id, state.first.first), onclick: (click) => visit(state.first, click) }, moment(state.first.began, state.clock)), ` (${state.first.property})`) : null,
       state.status === "open" ? h("span", {}, h("b", {}, `${state.there} of ${state.monitors}`), " monitors") : null,
+      state.silent ? h("span", { class: "waiting" }, `newest step ${state.silent} ago`) : null,
       h("span", {}, "judged by ", h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
         state.changed ? ", which has another text now" : null, state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
       counted_.map(([name, value]) => h("span", {}, h("b", {}, String(value)), ` ${name}`)),

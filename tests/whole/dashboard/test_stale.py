@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 
 from playwright.async_api import Page, Route, expect
 
@@ -173,3 +174,14 @@ async def test_a_session_by_another_text_of_its_spec_says_so(server: Server, ses
             await expect(page.locator(".facts")).not_to_contain_text("another text")
     await page.reload()
     await expect(page.locator(".facts")).to_contain_text(f"judged by {session}, which has another text now")
+
+
+async def test_that_nothing_has_come_for_long_is_told(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".facts")).to_contain_text(re.compile(r"newest step \d+ days ago"))
+        await monitor.send(make_event(2, data=GOOD) | {"stamp": time.time_ns()})
+        await monitor.acked(2)
+        await expect(page.locator(".facts")).not_to_contain_text("newest step")
