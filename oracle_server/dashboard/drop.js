@@ -142,10 +142,11 @@ class Drop {
   }
 }
 
-function told({ state, events, error, exit }) {
+function told({ state, events, error, exit, notes }) {
   const judged = `${events} event${events === 1 ? "" : "s"}`;
   if (state === "judged") {
-    const verdict = { 0: h("span", { class: "good" }, "no violation"), 1: h("span", { class: "bad" }, "violations") }[exit];
+    const none = notes.length ? h("span", { class: "waiting" }, "no violation, but see what is noted") : h("span", { class: "good" }, "no violation");
+    const verdict = { 0: none, 1: h("span", { class: "bad" }, "violations") }[exit];
     return [`${judged}, `, verdict ?? h("span", { class: "waiting" }, "not all was judged")];
   }
   if (state === "failed" || state === "cancelled") return [h("span", { class: "bad" }, `incomplete, ${error}`)];

@@ -56,6 +56,10 @@ async def test_a_recording_that_lacks_a_stream_is_not_good(start: Starts, page: 
         assert SILENT in run(*command, "--url", server.url).stdout
     await page.goto(f"{server.url}/")
     await expect(page.get_by_role("row", name="one")).to_contain_text(SILENT)
+    recording = page.get_by_role("list", name="recordings")
+    await expect(recording).to_contain_text("no violation, but see what is noted")
+    await expect(recording).to_contain_text(SILENT)
+    await expect(recording.locator(".good")).to_have_count(0)
     await page.goto(f"{server.url}/#/sessions/one")
     await expect(page.locator(".now .card")).to_contain_text(SILENT)
     await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
