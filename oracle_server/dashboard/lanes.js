@@ -14,9 +14,9 @@ export function rowsOf(answer, { state, thresholds, found, now, awaited = [] }, 
   const time = timeOf(answer, window);
   return [
     ...properties(answer, state, found, now, time, window),
-    ...streams(answer, time, awaited),
+    ...streams(answer, time, window, awaited),
     ...signals(answer, thresholds, time),
-    ...decisions(answer, time),
+    ...decisions(answer, time, window),
   ].map((row) => ({ key: `${row.group} ${row.name}`, ...row }));
 }
 
@@ -82,10 +82,17 @@ function together(rows) {
   };
 }
 
-function streams(answer, { since, width }, awaited) {
+/** The values of the buckets that begin in the window: an answer has some on both sides, too. */
+function inView(values, { since, width }, window) {
+  return values.filter((_, i) => since + i * width >= window.since - width / 2 && since + i * width <= window.until);
+}
+
+function streams(answer, time, window, awaited) {
+  const { since, width } = time;
   return Object.entries(answer.streams).map(([key, { count: counts, lost }]) => {
-    const total = counts.reduce((sum, each) => sum + each, 0);
-    const seconds = (counts.length * width) / 1e9;
+    const seen = inView(counts, time, window);
+    const total = seen.reduce((sum, each) => sum + each, 0);
+    const seconds = (seen.length * width) / 1e9;
     return {
       group: "stream", name: key, title: key, ...valueOf(rate(total, seconds), awaited.includes(key)),
       paint: (canvas, window) => paintStream(canvas, window, { since, width, counts, lost }),
@@ -127,10 +134,10 @@ function last(values) {
   return found === undefined ? "" : String(Number(found.toPrecision(4)));
 }
 
-function decisions({ asked, denied, hold }, time) {
-  const [all, no] = [asked, denied].map((counts) => counts.reduce((sum, each) => sum + each, 0));
-  if (!all) return [];
-  const longest = hold ? `held ${span(Math.max(...hold.max))} at most` : "";
+function decisions({ asked, denied, hold }, time, window) {
+  if (!asked.some(Boolean)) return [];
+  const [all, no] = [asked, denied].map((counts) => inView(counts, time, window).reduce((sum, each) => sum + each, 0));
+  const longest = hold && all ? `held ${span(Math.max(...inView(hold.max, time, window)))} at most` : "";
   return [{
     group: "decision", name: "decisions", title: "asked, and denied; below, how long each waited", tall: true,
     value: [`${no} of ${all} denied`, longest].filter(Boolean).join("\n"), mood: no ? "denied" : "",

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 import pytest_asyncio
 from playwright.async_api import Page, expect
 
-from tests.whole.client import Monitor, attached, make_event
+from tests.whole.client import BASE, Monitor, attached, make_event
 from tests.whole.harness import Server
 
 SMALL, BIG = {"v": 1}, {"v": 11}
@@ -151,3 +151,14 @@ async def test_an_address_of_a_verdict_shows_the_time_of_it(page: Page, monitor:
     await expect(page.locator(".verdict").get_by_role("heading")).to_contain_text("currently_false at step 25")
     await expect(page.locator(".cursor")).to_be_visible()
     await painted(page, 0.508, "fails-soft")
+
+
+async def test_what_stands_beside_a_row_is_of_what_is_in_view(server: Server, session: str, page: Page) -> None:
+    """More is asked for than is in view, so that something is there when it is moved."""
+    async with attached(server, session=session, spec="single") as monitor:
+        seconds = (1, 50, 58, 61, 70.5, 72, 120)
+        await monitor.send(*(make_event(i, at=at * SECOND, data=SMALL) for i, at in enumerate(seconds, 1)))
+        await monitor.acked(len(seconds))
+    since, until = (BASE + at * 10**9 for at in (60, 70))
+    await page.goto(f"{server.url}/#/sessions/{session}?from={since}&to={until}")
+    await expect(page.locator(".lane.stream .value")).to_have_text("1 in view")
