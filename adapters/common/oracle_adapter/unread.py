@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Callable
 
@@ -39,19 +40,32 @@ class Unread:
 
 
 class Unreadable:
-    """What could not be read on one side of a service."""
+    """What could not be read on one side of a service; for any thread, as calls have their own."""
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()
         self._why, self._at = "", 0.0
         self.unread = Unread()
 
     def add(self, why: str) -> None:
         """Count one, and why it could not be."""
-        self.unread.add()
-        self._why, self._at = self._why or why, time.monotonic()
+        with self._lock:
+            self.unread.add()
+            self._why, self._at = self._why or why, time.monotonic()
+
+    def take(self) -> int:
+        """All that nothing has told yet, to be told with an event of this side."""
+        with self._lock:
+            return self.unread.take()
+
+    def overdue(self) -> int:
+        """The same, for an event of any stream, where none of this side came in time; else 0."""
+        with self._lock:
+            return self.unread.overdue()
 
     def look(self) -> str:
         """Why the first one could not be read; empty once the last one was `SHOWN` seconds ago."""
-        if self._why and time.monotonic() - self._at >= SHOWN:
-            self._why = ""
-        return self._why
+        with self._lock:
+            if self._why and time.monotonic() - self._at >= SHOWN:
+                self._why = ""
+            return self._why

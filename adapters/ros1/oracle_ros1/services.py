@@ -72,7 +72,7 @@ class ProxiedService:
         """Why calls do not reach the proxy, can't be read, or lack what the spec reads; empty where all is well."""
         self.bypass = self._graph.not_serving(self._proxy)
         self.doubt = self._unserved.look()
-        self._link.lost(sum(side.unreadable.unread.overdue() for side in (self._request, self._response)))
+        self._link.lost(sum(side.unreadable.overdue() for side in (self._request, self._response)))
         return "; ".join(filter(None, (self.bypass, *self._request.troubles(), *self._response.troubles())))
 
     def stop(self) -> None:
@@ -102,7 +102,7 @@ class ProxiedService:
             raise rospy.ServiceException(f"the {side.kind} of {self._name} can't be read: {message.unread}")
         # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = (side.stamp and side.stamp(message)) or self._now
-        data, lost = side.read(message), side.unreadable.unread.take()
+        data, lost = side.read(message), side.unreadable.take()
         if side.passing is None:
             self._link.send(self._name, side.kind, stamp, data, call=call, lost=lost)
             return

@@ -149,7 +149,7 @@ class Relay:
         `requests`, `responses`: whether these would be events.
         """
         sides = (self._requests, requests), (self._responses, responses)
-        return sum(side.unread.overdue() for side, counts in sides if counts)
+        return sum(side.overdue() for side, counts in sides if counts)
 
     def look(self) -> Iterator[str]:
         """Look at the other nodes again, and return whose calls and answers do not come."""
@@ -165,7 +165,7 @@ class Relay:
         self._node.destroy_client(self._client)
 
     def _serve(self, request: Any, reply: Reply) -> None:
-        call = Call(next(self._calls), request, reply, self._requests.unread.take())
+        call = Call(next(self._calls), request, reply, self._requests.take())
         with self._lock:
             self._open[call.number] = call
         self._on_request(call)
@@ -192,7 +192,7 @@ class Relay:
             answered = self._client.call_async(call.request)
 
         def take(done: Any) -> None:
-            call.answered, call.lost = True, self._responses.unread.take()
+            call.answered, call.lost = True, self._responses.take()
             with self._lock:
                 self._ahead, self._since = max(0, self._ahead - 1), time.monotonic()
             self._on_response(call, done.result())
