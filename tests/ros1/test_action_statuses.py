@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
-from oracle_ros1 import statusarray
+from oracle_ros1 import actionstatus, statusarray
 from oracle_ros1.actionmessages import covers, text_of
 from oracle_ros1.actionstatus import LAG, SHOWN, Statuses, accepted, status, word
 from oracle_ros1.statusarray import ArrayReader, StatusArray
@@ -65,6 +65,15 @@ def test_each_of_two_servers_of_an_action_has_its_own_last_array() -> None:
     assert statuses.changes(said_by("/two", b=SUCCEEDED)) == [("b", SUCCEEDED)]
     assert statuses.changes(said_by("/one", a=ACTIVE, b=ACTIVE)) == []
     assert statuses.changes(said_by("/two", b=SUCCEEDED)) == []
+
+
+def test_of_servers_that_come_and_go_the_last_ones_are_remembered() -> None:
+    statuses = Statuses()
+    for number in range(actionstatus._SERVERS + 1):
+        assert statuses.changes(said_by(f"/server{number}", a=ACTIVE)) == [("a", ACTIVE)]
+    assert len(statuses._codes) == actionstatus._SERVERS
+    assert statuses.changes(said_by("/server1", a=ACTIVE)) == []
+    assert statuses.changes(said_by("/server0", a=ACTIVE)) == [("a", ACTIVE)]
 
 
 def test_what_a_server_kept_is_where_its_statuses_begin() -> None:

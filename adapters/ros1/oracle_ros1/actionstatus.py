@@ -28,6 +28,8 @@ WORDS = {
     GoalStatus.RECALLED: "canceled",
     GoalStatus.LOST: "unknown",
 }
+_SERVERS = 100
+"""Servers of which the last array is remembered: one that is started again may have another name each time."""
 _UNDECIDED = frozenset({GoalStatus.PENDING, GoalStatus.RECALLING, GoalStatus.LOST})
 _REFUSED = frozenset({GoalStatus.REJECTED, GoalStatus.RECALLED})
 _ENDED = frozenset({GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, *_REFUSED})
@@ -54,7 +56,7 @@ class Statuses:
     def __init__(self) -> None:
         self.last: Optional[StatusArray] = None
         """The server's last array, where it was read."""
-        self._codes: Dict[str, Dict[str, int]] = {}  # of the last array of each server
+        self._codes: Dict[str, Dict[str, int]] = {}  # of the last array of each server, the latest one last
         self._own: Dict[str, Tuple[Entry, float]] = {}  # given by the proxy, and until when
         self._open: Dict[str, float] = {}  # goals whose results are asked about: until when no end of them is shown
         self._shown: Dict[str, Entry] = {}  # of these, what clients saw last
@@ -92,8 +94,10 @@ class Statuses:
         knows these from cancels only.
         """
         codes, source = {entry.goal_id.id: entry.code for entry in array.entries}, array.source
-        before = self._codes.get(source, standing or {})
+        before = self._codes.pop(source, standing or {})
         self._codes[source], self.last = codes, array
+        if len(self._codes) > _SERVERS:
+            del self._codes[next(iter(self._codes))]
         refused = {goal for goal, (own, _) in self._own.items() if own.code in _REFUSED}
         return [(goal, code) for goal, code in codes.items() if before.get(goal) != code and goal not in refused]
 
