@@ -183,17 +183,6 @@ def test_goals_without_an_id_are_told_where_they_are_only_observed(tmp_path: Pat
         process.ends_well()
 
 
-def test_an_observed_action_that_nobody_serves_is_told(tmp_path: Path) -> None:
-    described = streams("goal", name="/counts", via="introspection", proxy="")
-    with watched(tmp_path, described) as (scene, oracle, process):
-        serving = server(scene, count)
-        process.said("/counts: nobody serves /counts; did you mean /count[?]")
-        eventually(oracle.troubles, ["nobody serves /counts; did you mean /count?"].__eq__)
-        serving.serve_action(msg.TestAction, "/counts", count)
-        process.said("/counts: recovered")
-        process.ends_well()
-
-
 def test_another_type_than_the_specs_is_told_and_does_not_pass(tmp_path: Path) -> None:
     with watched(tmp_path, streams("goal")) as (scene, oracle, process):
         serving, odd = server(scene, count), scene.peer()
@@ -205,17 +194,20 @@ def test_another_type_than_the_specs_is_told_and_does_not_pass(tmp_path: Path) -
         process.ends_well()
 
 
-def test_an_action_that_is_called_as_its_python_class_ends_the_adapter_with_a_hint(tmp_path: Path) -> None:
-    described = [{**one, "type": "actionlib/action/TestAction"} for one in streams("goal")]
+@pytest.mark.parametrize(
+    ("kind", "why"),
+    [
+        ("nowhere/action/Fly", "the type nowhere/FlyActionGoal can't be loaded; is its package built and sourced"),
+        (
+            "actionlib/action/TestAction",
+            "called as its file is, as actionlib/action/Test, and not actionlib/TestAction",
+        ),
+    ],
+    ids=["of no package", "called as its Python class"],
+)
+def test_an_action_of_a_type_that_is_not_there_ends_the_adapter(kind: str, why: str, tmp_path: Path) -> None:
+    described = [{**one, "type": kind} for one in streams("goal")]
     with judge(described) as oracle, Scene(tmp_path) as scene:
         process = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", oracle.url, "--spec", "s")
-        process.said("called as its file is, as actionlib/action/Test, and not actionlib/TestAction")
-        assert process.wait() == 2
-
-
-def test_an_action_whose_package_is_missing_ends_the_adapter(tmp_path: Path) -> None:
-    described = [{**one, "type": "nowhere/action/Fly"} for one in streams("goal")]
-    with judge(described) as oracle, Scene(tmp_path) as scene:
-        process = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", oracle.url, "--spec", "s")
-        process.said("the type nowhere/FlyActionGoal can't be loaded; is its package built and sourced")
+        process.said(why)
         assert process.wait() == 2

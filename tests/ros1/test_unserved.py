@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pytest
 from actionlib import msg
 from std_srvs.srv import SetBool, SetBoolResponse
 
@@ -43,8 +44,9 @@ def test_a_service_is_told_with_what_it_is_called_here(tmp_path: Path) -> None:
         adapter.ends_well()
 
 
-def test_an_action_behind_a_proxy_is_told(tmp_path: Path) -> None:
-    with watched(tmp_path, streams("goal", name="/counts")) as (scene, oracle, process):
+@pytest.mark.parametrize("how", [{}, {"via": "introspection", "proxy": ""}], ids=["proxied", "observed"])
+def test_an_action_is_told(how: dict[str, str], tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", name="/counts", **how)) as (scene, oracle, process):
         serving = server(scene, count)
         process.said("/counts: nobody serves /counts; did you mean /count[?]")
         eventually(oracle.troubles, ["nobody serves /counts; did you mean /count?"].__eq__)

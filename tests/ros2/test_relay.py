@@ -171,10 +171,11 @@ def test_responses_that_can_not_be_read_are_told_as_one_trouble_and_counted_with
     made.destroy()
 
 
-def test_calls_that_may_go_at_once_are_as_many_as_a_service_keeps_until_it_answers(tmp_path: Any) -> None:
-    with Scene(tmp_path) as scene:
+def all_are_answered(folder: Any, serve: Any, *, go_on: bool) -> None:
+    """Of forty calls that may go at once."""
+    with Scene(folder) as scene:
         caller, other = scene.peer("caller"), scene.peer("other")
-        other.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+        other.node.create_service(srv.Trigger, "/led", serve)
         answers: list[Any] = []
         made = relay.Relay(caller.node, srv.Trigger, "/led", "/led_mon", nothing, lambda call, _: answers.append(call))
         caller.until(lambda: made.is_there, "nobody serves /led")
@@ -185,11 +186,17 @@ def test_calls_that_may_go_at_once_are_as_many_as_a_service_keeps_until_it_answe
 
         def all_answered() -> bool:
             caller._executor.spin_once(timeout_sec=0)
+            if go_on:
+                made.catch_up()
             return len(answers) == 40
 
         other.until(all_answered, "calls are lost")
         assert answers == calls
         made.destroy()
+
+
+def test_calls_that_may_go_at_once_are_as_many_as_a_service_keeps_until_it_answers(tmp_path: Any) -> None:
+    all_are_answered(tmp_path, lambda _, response: response, go_on=False)
 
 
 @pytest.mark.parametrize("takes", [0.01, 0.06, 0.3])
@@ -203,25 +210,7 @@ def test_a_service_that_takes_its_time_for_each_of_many_calls_loses_none(
         clock[0] += takes
         return response
 
-    with Scene(tmp_path) as scene:
-        caller, other = scene.peer("caller"), scene.peer("other")
-        other.node.create_service(srv.Trigger, "/led", serve)
-        answers: list[Any] = []
-        made = relay.Relay(caller.node, srv.Trigger, "/led", "/led_mon", nothing, lambda call, _: answers.append(call))
-        caller.until(lambda: made.is_there, "nobody serves /led")
-        for _ in range(40):
-            made._serve(srv.Trigger.Request(), lambda response: None)
-        calls = made.open
-        assert all(made.forward(call) for call in calls)
-
-        def all_answered() -> bool:
-            caller._executor.spin_once(timeout_sec=0)
-            made.catch_up()
-            return len(answers) == 40
-
-        other.until(all_answered, "calls are lost")
-        assert answers == calls
-        made.destroy()
+    all_are_answered(tmp_path, serve, go_on=True)
 
 
 @pytest.mark.parametrize("pause", [1.0, 0.1])
