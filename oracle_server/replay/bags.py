@@ -16,7 +16,7 @@ from oracle_server.process.openfiles import allow
 from oracle_server.replay.actionroles import add_actions
 from oracle_server.replay.actions import Action, ActionSource
 from oracle_server.replay.bagnotes import notes_of, of_channels
-from oracle_server.replay.folder import METADATA, Files, files_of, open_storage
+from oracle_server.replay.folder import Files, files_of, open_storage
 from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
 from oracle_server.replay.published import Published
@@ -91,8 +91,8 @@ class Bag:
         found, failed = list[tuple[Path, Storage]](), []
         allow(len(files.paths) + _OTHER_FILES)
         for path in files.paths:
-            if files.promised is not None and not path.is_file():
-                found.append((path, Missing(f"is missing, which {METADATA} names")))
+            if files.missing and not path.is_file():
+                found.append((path, Missing(files.missing)))
                 continue
             try:
                 found.append((path, open_storage(path, stack)))

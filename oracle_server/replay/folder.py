@@ -32,19 +32,25 @@ METADATA = "metadata.yaml"
 """The file that makes a folder a bag of ROS 2."""
 _LARGEST = 2**26
 """The most bytes of metadata."""
+_NAMED = 5
+"""Files of a folder that are told by their names."""
+_LEFT_OUT = 1_000
+"""The most parts of a bag that may be missing between others: of more they are not the parts of one."""
 
 
 @dataclass(slots=True)
 class Files:
     """The files of a bag, in the order of recording; without metadata in that of the numbers in their names.
 
-    Those that the metadata names are among them where they are missing, too. `promised` are the numbers of messages by
-    topic that it has, None without metadata; `notes` says what is wrong with the bag as a whole.
+    Those that the metadata names are among them where they are missing, too, and so are those that the numbers of the
+    others leave out; `missing` says so of one. `promised` are the numbers of messages by topic that it has, None
+    without metadata; `notes` says what is wrong with the bag as a whole.
     """
 
     paths: list[Path]
     promised: Counter[str] | None = None
     notes: list[str] = field(default_factory=list)
+    missing: str = ""
 
 
 def files_of(path: Path) -> Files:
@@ -57,18 +63,46 @@ def files_of(path: Path) -> Files:
         if not found:
             raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
         # a recorder that compresses files and was killed may leave one beside what it was compressing it to
-        found = [file for file in found if _plain(file) == file or _plain(file) not in found]
-        return Files(found, notes=_undescribed(found))
+        return _undescribed([file for file in found if _plain(file) == file or _plain(file) not in found])
     return _listed(path, _information(metadata))
 
 
-def _undescribed(found: Sequence[Path]) -> list[str]:
-    """What is to be said of the files of a folder without metadata, which bags of ROS 1 have none of."""
-    if any(begins_as(file) != ROS1 for file in found):
-        return [f"has no {METADATA}: its recording was not closed"]
+def _undescribed(found: list[Path]) -> Files:
+    """The files of a folder without metadata, which bags of ROS 1 have none of."""
+    own = "with --on each is one of its own"
+    if all(begins_as(file) == ROS1 for file in found):
+        split = f"has {len(found)} bags of ROS 1, which are judged as one that was split; {own}"
+        return Files(found, notes=[split] if len(found) > 1 else [])
+    parts = _parts(found)
+    if parts is None:
+        names = f"{', '.join(file.name for file in found[:_NAMED])}{', …' if len(found) > _NAMED else ''}"
+        others = f"has {len(found)} files that are not numbered as the parts of one bag, and no {METADATA}"
+        return Files(found, notes=[f"{others}: they are judged as one; {own}: {names}"])
+    notes = [f"has no {METADATA}: its recording was not closed"]
+    return Files(parts, notes=notes, missing="is missing, by the numbers of the others")
+
+
+def _parts(found: list[Path]) -> list[Path] | None:
+    """The files of one bag in the order of their numbers, with those that are left out; None where they are of several.
+
+    What was deleted before the first, as by a recorder that keeps the last ones, is not known to have been there.
+    """
     if len(found) == 1:
-        return []
-    return [f"has {len(found)} bags of ROS 1, which are judged as one that was split; with --on each is one of its own"]
+        return found
+    numbered: dict[int, Path] = {}
+    alike = set()
+    for file in found:
+        plain = _plain(file)
+        name, _, number = plain.stem.rpartition("_")
+        if not re.fullmatch("[0-9]{1,9}", number) or int(number) in numbered:
+            return None
+        numbered[int(number)] = file
+        alike.add((name, plain.suffix))
+    first, last = min(numbered), max(numbered)
+    if len(alike) > 1 or last - first > _LEFT_OUT + len(found):
+        return None
+    ((name, suffix),) = alike
+    return [numbered.get(at, found[0].with_name(f"{name}_{at}{suffix}")) for at in range(first, last + 1)]
 
 
 def open_storage(path: Path, stack: ExitStack) -> Storage:
@@ -128,7 +162,7 @@ def _listed(folder: Path, information: dict[str, Any]) -> Files:
     if not any(path.is_file() for path in paths):
         raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
     notes = [f"{path.name}: is not named in {METADATA}, and was not judged" for path in _beside(folder, paths)]
-    return Files(paths, Counter(dict(_promised(information))), notes)
+    return Files(paths, Counter(dict(_promised(information))), notes, f"is missing, which {METADATA} names")
 
 
 def _beside(folder: Path, named: Sequence[Path]) -> Iterator[Path]:

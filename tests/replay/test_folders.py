@@ -83,6 +83,40 @@ def test_a_folder_whose_recorder_was_killed_has_no_metadata(bag: Path, spec: Pat
     assert (found.exit, found.strict) == (0, 3)
 
 
+def parted(bag: Path, *names: str) -> None:
+    """A folder without metadata, which has copies of the bag's one file by these names."""
+    (path,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+    (bag / "metadata.yaml").unlink()
+    for name in names:
+        (bag / name).write_bytes(path.read_bytes())
+    if path.name not in names:
+        path.unlink()
+
+
+def test_a_part_that_is_missing_between_others_is_said(bag: Path, spec: Path) -> None:
+    parted(bag, "run_9.db3", "run_12.db3", "run_10.db3")
+    found = judge(spec, bag)
+    assert found.summary["events"] == 60
+    assert "run_11.db3: is missing, by the numbers of the others" in found.said
+    assert (found.exit, found.strict) == (0, 3)
+    assert any(record.get("degraded") for record in found.rows), "events behind the gap"
+
+
+@pytest.mark.parametrize(
+    "names", [("north.db3", "south.db3"), ("north_0.db3", "south_1.db3"), ("run_0.db3", "run_00.db3"),
+              ("run_0.db3", "run_0.mcap"), ("run_1.db3", "run_20261129.db3")],
+)  # fmt: skip
+def test_files_that_are_no_parts_of_one_bag_are_said_to_be_judged_as_one(
+    names: tuple[str, ...], bag: Path, spec: Path
+) -> None:
+    parted(bag, *names)
+    found = judge(spec, bag)
+    assert found.summary["events"] == 40
+    assert "has 2 files that are not numbered as the parts of one bag, and no metadata.yaml" in found.said
+    assert all(name in found.said for name in names)
+    assert (found.exit, found.strict) == (0, 3)
+
+
 def test_a_file_that_is_missing_is_said(bag: Path, spec: Path) -> None:
     change(bag, r"(relative_file_paths:\n)( *- )(.*)\n", r"\1\2\3\n\2gone_1.db3\n")
     found = judge(spec, bag)
