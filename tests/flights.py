@@ -32,9 +32,9 @@ SPEED = 2
 """Times as fast as the example: all nodes alike, so that as many steps as ever lie between cause and effect."""
 RATES = {"battery": 25.0, "supervisor": 10.0, "led_panel": 35.0}
 """Hz, in the example."""
-ATTEMPTS = 5
+ATTEMPTS = 7
 """Flights until one is on a machine that is not starved."""
-PATIENT_ATTEMPTS = 2
+PATIENT_ATTEMPTS = 4
 PATIENT = {"max_delay: 200ms": "max_delay: 1s", "action: log\n": "action: log\n    latency: 300ms\n"}
 """What is changed in the spec for them."""
 PATIENT_SPEED = 0.25
