@@ -5,7 +5,9 @@ from __future__ import annotations
 import fcntl
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,13 +16,18 @@ from oracle_server.process.pidfile import NAME, PidFile, PidFileError, running
 from tests.processes import PATIENCE
 
 
+def meanwhile(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:
+    """Have something happen where it waits, instead of that time passing; other threads sleep as ever."""
+    monkeypatch.setattr(pidfile, "time", SimpleNamespace(monotonic=time.monotonic, sleep=lambda _: act()))
+
+
 def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     PidFile(tmp_path).release()
     with (tmp_path / NAME).open() as looked_at:
         fcntl.flock(looked_at, fcntl.LOCK_SH)
-        monkeypatch.setattr(time, "sleep", lambda _: fcntl.flock(looked_at, fcntl.LOCK_UN))
+        meanwhile(monkeypatch, lambda: fcntl.flock(looked_at, fcntl.LOCK_UN))
         mine = PidFile(tmp_path)
     assert running(tmp_path) == (os.getpid(), None, False)
     mine.release()
@@ -32,7 +39,7 @@ def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
     """Its pid is needed to stop it, and 0 would be everyone in the caller's own group."""
     mine = PidFile(tmp_path)
     (tmp_path / NAME).write_text("")
-    monkeypatch.setattr(time, "sleep", lambda _: mine.publish("http://127.0.0.1:1"))
+    meanwhile(monkeypatch, lambda: mine.publish("http://127.0.0.1:1"))
     assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1", False)
     mine.release()
 
@@ -44,12 +51,12 @@ def test_an_adapter_that_is_ending_is_waited_for_and_a_server_is_not(
     ending = PidFile(tmp_path, embedded=True)
     with pytest.raises(PidFileError, match="uses this data directory"):
         PidFile(tmp_path, embedded=True)
-    monkeypatch.setattr(time, "sleep", lambda _: ending.release())
+    meanwhile(monkeypatch, ending.release)
     mine = PidFile(tmp_path, embedded=True, wait=PATIENCE)
     assert running(tmp_path) == (os.getpid(), None, True)
     mine.release()
     server = PidFile(tmp_path)
-    monkeypatch.setattr(time, "sleep", lambda _: server.release())
+    meanwhile(monkeypatch, server.release)
     with pytest.raises(PidFileError, match="uses this data directory"):
         PidFile(tmp_path, embedded=True, wait=PATIENCE)
     server.release()
