@@ -22,7 +22,7 @@ from oracle_server.process.logs import set_up_warnings
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import Settings, load_settings, unknown_variables
 from oracle_server.rostypes.known import Types
-from oracle_server.sessions.endings import CLOCK_SET_BACK, SPEC_CHANGED
+from oracle_server.sessions.endings import CLOCK_SET_BACK, SPEC_CHANGED, is_ahead
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.specfiles.load import load_spec
@@ -140,16 +140,17 @@ class EmbeddedOracle:
         self._beside = [self._loop.create_task(work) for work in works]
 
     async def _close_old(self) -> None:
-        """Close sessions that began by another meaning of the spec, or go on by a time that is far ahead.
+        """Close sessions that began by another meaning of the spec, or are being closed as the clock was set back.
 
         Who joins them begins anew, by its file, and by the machine's clock.
         """
         for session in [live for live in self._registry.open.values() if live.spec.id == self.spec]:
-            changed = session.spec.digest != self._digest
-            if not changed and not session.clock.far:
-                continue
-            why = SPEC_CHANGED if changed else CLOCK_SET_BACK
-            log.warning("a session is closed, and goes on as another run", session=session.id, reason=why)
+            ahead = is_ahead(session.core, session.clock)
+            why = CLOCK_SET_BACK if ahead else SPEC_CHANGED
+            if not ahead:
+                if session.spec.digest == self._digest:
+                    continue
+                log.warning("a session is closed, and goes on as another run", session=session.id, reason=why)
             if not await self._registry.closed_within(session, _CLOSE_WITHIN, why):
                 message = f"session '{session.id}' can't go on, as {why}, and can't be closed now"
                 raise EmbeddedError(f"{message}; take another --session")

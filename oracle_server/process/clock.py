@@ -8,6 +8,8 @@ import structlog
 
 MAX_AHEAD = 3600 * 10**9
 """Nanoseconds by which a clock may be ahead of the wall clock and wait for it, or begin ahead of it."""
+MAX_APART = 10**9
+"""Nanoseconds by which it may be ahead, and still be the clock of what begins: stamps are the wall clock's."""
 
 log = structlog.get_logger()
 
@@ -17,8 +19,8 @@ class Clock:
 
     So timeouts expire and arrivals keep their order, whatever happens to the machine's time. Where the wall clock is
     set back by more than `MAX_AHEAD`, it had been wrong: this clock goes on at full speed from where it is, and says
-    so. A clock of a new server begins at the wall clock's time then; each session that has lived later goes on by a
-    clock of its own.
+    so. A clock of a new server begins at the wall clock's time then. A session that has lived later goes on by a clock
+    of its own, and one that begins while this one is ahead begins by the wall clock.
     """
 
     def __init__(self, at_least: int = 0) -> None:
@@ -45,13 +47,21 @@ class Clock:
         return self._now
 
     def since(self, time_: int) -> Clock:
-        """The clock for what has lived until `time_`: itself, or where that is ahead of it, one from there on."""
-        ahead = time_ - self.now()
-        if ahead <= 0:
+        """The clock for what has lived until `time_` (0: it begins): itself, or one of its own.
+
+        That is where `time_` is ahead of this one, or this one of the wall clock; it goes on from the later of these.
+        """
+        if time_ <= self.now() and self.ahead <= MAX_APART:
             return self
-        later = Clock()
-        later._now, later._far = time_, ahead > MAX_AHEAD
-        return later
+        own = Clock()
+        own._now = max(own._now, time_)
+        own._far = own.ahead > MAX_AHEAD
+        return own
+
+    @property
+    def ahead(self) -> int:
+        """By how much it is ahead of the wall clock (ns)."""
+        return max(0, self._now - time.time_ns())
 
     @property
     def far(self) -> bool:

@@ -6,8 +6,10 @@ import asyncio
 from collections.abc import Mapping
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.core.session import Session
 from oracle_server.history.port import History, Reading
 from oracle_server.history.records import Document, SessionRecord
+from oracle_server.process.clock import MAX_APART, Clock
 from oracle_server.sessions.runs import beginning, last_run, named, run_of
 from oracle_server.wire.errors import WireError
 
@@ -18,9 +20,14 @@ DELETED_THERE = "its robot has deleted it"
 SPEC_CHANGED = "its spec was changed"
 """Why a session is over whose adapter judges by itself, and was started with another text of its spec."""
 CLOCK_SET_BACK = "the machine's clock was set back"
-"""Why a session is over whose adapter judges by itself, and whose time is far ahead: all that comes would be late."""
+"""Why a session is over that has lived later than the clocks tell: all that comes would be late, and at one time."""
 CLOCK_WENT_BACK = "its simulated time went back"
 """Why a session is over whose simulation was restarted."""
+
+
+def is_ahead(core: Session, clock: Clock) -> bool:
+    """Whether a session has lived later than it is by the machine's clock, by more than clocks may differ."""
+    return core.simulated is None and clock.ahead > max(MAX_APART, core.plan.spec.ordering.max_skew)
 
 
 class Runs:
@@ -49,7 +56,7 @@ class Runs:
         return last_run(stem, {*self._open, *self._unrestored, *await self._history.names(beginning(stem))})
 
 
-async def record_closed(history: History, number: int, now: int, state: Document) -> None:
+async def note_closed(history: History, number: int, now: int, state: Document) -> None:
     """Keep that a session is closed. Raises `HistoryError` where that can't be kept."""
     committed = asyncio.Event()
     history.close_session(number, now, state, committed.set)

@@ -45,7 +45,7 @@ class LiveSession:
 
     def __init__(
         self, record: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        backlog: Backlog, share: Share, resume_within: float, request_close: Callable[[LiveSession, str], None],
+        backlog: Backlog, share: Share, resume_within: float, request_close: Callable[[LiveSession, str], object],
     ) -> None:  # fmt: skip
         """Run a session; it calls `request_close` with the reason why it is over."""
         self.record = record

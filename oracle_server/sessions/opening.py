@@ -98,5 +98,5 @@ class Records:
         spec = entry.plan.spec
         return SessionRecord(
             number, name, spec.id, entry.file.text, spec.digest, tuple([p.id for p in spec.properties]), private,
-            self._clock.now(), begun.by, begun.at, begun.decides, kind,
+            self._clock.since(0).now(), begun.by, begun.at, begun.decides, kind,
         )  # fmt: skip

@@ -26,7 +26,7 @@ from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.elsewhere import Left, Others
-from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over, record_closed
+from oracle_server.sessions.endings import BY_REQUEST, CLOCK_SET_BACK, Runs, end_of, ended, is_ahead, note_closed, over
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.opening import Begun, Records, SessionExistsError, SessionNameError, unopened
@@ -84,10 +84,14 @@ class Registry:
     async def restore_all(self) -> None:
         """Restore the open sessions from the history. One that can't be restored is logged, and among `unrestored`.
 
-        The places of their monitors are kept until `accept_work`, however long this takes. Raises `HistoryError`.
+        The places of their monitors are kept until `accept_work`, however long this takes. Sessions that are ahead of
+        the machine's clock are closed, and begin anew. Raises `HistoryError`.
         """
         self._records.last = await self._history.last_number()
         await self._restoring.restore_each(await self._history.open_sessions())
+        for session in [live for live in self.open.values() if is_ahead(live.core, live.clock)]:
+            log.warning("a session is closed, and goes on as another run", session=session.id, reason=CLOCK_SET_BACK)
+            self._begin_to_close(session, CLOCK_SET_BACK)
 
     def accept_work(self) -> None:
         """Begin to count how long the monitors of restored sessions stay away: from now on they can come back."""
@@ -216,7 +220,7 @@ class Registry:
         successor = await self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | end_of(now, because)
         state |= {"continued_by": successor, "clock_went_back": session.clock_went_back}
-        await record_closed(self._history, session.number, now, state)
+        await note_closed(self._history, session.number, now, state)
         self.open.pop(session.id, None)
         if self._alarms:
             self._alarms.send(session_ended(session.record, state))
@@ -366,7 +370,7 @@ class Registry:
             log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
         live = LiveSession(
             record, core, self._history, clock, self.counters, self.backlog, self.shares.share(), self._resume_within,
-            self._request_close,
+            self._begin_to_close,
         )  # fmt: skip
         self.open[live.id] = live
         self.counters.violated.expect(record.spec, record.properties)
@@ -379,9 +383,6 @@ class Registry:
         if session.private:
             return None
         return await self._runs.following(session.id)
-
-    def _request_close(self, session: LiveSession, because: str) -> None:
-        self._begin_to_close(session, because)
 
     def _begin_to_close(self, session: LiveSession, because: str) -> asyncio.Task[None]:
         task = self._closing.get(session.number)

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from oracle_server.process.clock import MAX_AHEAD, Clock
+from oracle_server.process.clock import MAX_AHEAD, MAX_APART, Clock
 
 SECOND = 10**9
 YEARS = 40 * 365 * 86_400 * SECOND
@@ -70,6 +70,20 @@ def test_a_session_that_has_lived_later_keeps_its_time_and_no_other_does(machine
     machine.pass_by(7)
     assert own.now() == later + 7 * SECOND
     assert clock.now() == machine.wall
+
+
+def test_what_begins_while_a_clock_is_ahead_begins_by_the_wall_clock(machine: Machine) -> None:
+    """Its stamps are the wall clock's: by the other's time all its deadlines would have run out already."""
+    clock = Clock()
+    machine.wall -= MAX_APART
+    assert clock.since(0) is clock
+    machine.wall -= 1800 * SECOND
+    began = machine.wall
+    own = clock.since(0)
+    machine.pass_by(5)
+    assert (own.now(), own.ahead, own.far) == (machine.wall, 0, False)
+    assert clock.ahead > 1700 * SECOND
+    assert clock.since(began + 10 * SECOND).now() == began + 10 * SECOND, "and what has lived goes on from there"
 
 
 def test_what_has_lived_later_at_a_machine_whose_clock_is_ahead_goes_on_from_there_slowly(machine: Machine) -> None:

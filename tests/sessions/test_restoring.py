@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Collection
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,34 @@ async def test_places_are_kept_until_work_is_accepted_however_long_that_takes(tm
     await second.flush()
     assert await present(history, one.number) == [False]
     assert set(second.open) == {"one", "two"}
+
+
+@pytest.mark.usefixtures("within")
+@pytest.mark.parametrize(("seconds", "max_skew", "anew"), [(1800, "1s", True), (0.5, "0s", False), (1800, "1h", False)])
+async def test_where_the_machines_clock_was_set_back_sessions_begin_anew_by_that(
+    seconds: float, max_skew: str, anew: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All that came was late, and judged at one time, and deadlines ran out at once."""
+    history, machine, spec = MemoryHistory(), time.time_ns, GUARD.replace("by: arrival", f"max_skew: {max_skew}")
+    with monkeypatch.context() as ahead:
+        ahead.setattr(time, "time_ns", lambda: machine() + int(seconds * 10**9))
+        live, monitor = await registry(history, tmp_path, spec).attach(attach("one", "guard"), Kept())
+        live.ingest(monitor, event(1, speed=1))
+        live.close()
+        await history.flush()
+    second = Registry(history, Library(None, tmp_path), Clock(await history.last_time()), resume_within=3600)
+    await second.restore_all()
+    second.accept_work()
+    if not anew:
+        live, _ = await second.attach(attach("one", "guard"), Kept())
+        assert live.id == "one"
+        return
+    with pytest.raises(WireError, match=r"the machine's clock was set back; attach to one\.run2") as refused:
+        await second.attach(attach("one", "guard"), Kept())
+    assert (refused.value.code, refused.value.session) == ("session_ended", "one.run2")
+    live, _ = await second.attach(attach("one.run2", "guard"), Kept())
+    assert live.clock.ahead == 0
+    assert live.opened <= time.time_ns()
 
 
 @pytest.mark.usefixtures("within")
