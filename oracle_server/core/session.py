@@ -12,6 +12,7 @@ from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Source, Step, StreamKey
+from oracle_server.core.goingback import GoingBack
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer
@@ -66,6 +67,8 @@ class Session(Resumable):
         self.counts = self.judges[orders(plan.spec)[0]].counts
         for judge in self.judges.values():
             judge.counts = self.counts
+        self.clocks = GoingBack(plan.spec.by_key, ordering.max_skew)
+        """What the clocks of its monitors have told."""
         self.holds = HoldTimes()
         self.bypasses = Bypasses(plan.readers)
         self.now = 0
@@ -164,8 +167,9 @@ class Session(Resumable):
         """Take a monitor's clock: the times before which its streams have no more events."""
         judged = self.advance(now)
         readings = tuple(readings)
+        self.clocks.note(monitor, readings)
         if self.simulated is not None:
-            self.simulated.update(monitor, readings, self.now)
+            self.simulated.update(readings, self.now)
             if self.begun is None and self.simulated.now is not None:
                 self._begin(self.simulated.now)
         for r in readings:
@@ -173,6 +177,13 @@ class Session(Resumable):
             self.returning.hear(monitor, told, self.now)
             judged += self._judge(self.buffer.clock((monitor, r.stream), told))
         return judged + self._run_out()
+
+    def goes_back(self, monitor: str, readings: Sequence[ClockReading]) -> bool:
+        """Whether a monitor's clock says that it was set back, or its simulation's: all that came would be late."""
+        if self.simulated is not None:
+            return self.clocks.is_back(monitor, readings, self.simulated.now, wall=False)
+        judge = self.judges.get("publication")  # by arrival nothing is late
+        return judge is not None and self.clocks.is_back(monitor, readings, judge.present or None, wall=True)
 
     @property
     def is_behind(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Literal
@@ -41,39 +41,16 @@ class SimulatedTime:
         self.is_told = False
         """Whether a clock has told the time since the server was started."""
         self._streams, self._kept, self._max_skew = streams, kept, max_skew
-        self._telling: set[str] = set()
         self._newest = 0
-        self._reported: dict[tuple[str, StreamKey], int] = {}
         self._reached_now = 0
         self._past: deque[tuple[int, int]] = deque()
         """Earlier times of the simulation, each behind the server's time at which it was reached."""
 
-    def goes_back(self, monitor: str, readings: Sequence[ClockReading]) -> bool:
-        """Whether a monitor reports an earlier time of a stream than before: the simulation has restarted.
-
-        So it has, too, where no monitor is there that has told the session's time, and the first one is behind it.
-        """
-        if any(r.stamp < self._reported.get((monitor, r.stream), 0) for r in readings):
-            return True
-        if self._telling or self.now is None or not readings:
-            return False
-        return max(r.stamp + self._held_back(self._streams[r.stream]) for r in readings) < self.now - self._max_skew
-
-    def trust(self, monitor: str) -> None:
-        """Note that a monitor is the same process as before: it may be behind, and says itself where time goes back."""
-        self._telling.add(monitor)
-
-    def leave(self, monitor: str) -> None:
-        """Note that a monitor is not there any more."""
-        self._telling.discard(monitor)
-
-    def update(self, monitor: str, readings: Iterable[ClockReading], server: int) -> None:
+    def update(self, readings: Iterable[ClockReading], server: int) -> None:
         """Take the readings of a monitor's clock, at a time (ns) of the server."""
         for reading in readings:
             self.is_told = True
-            self._telling.add(monitor)
-            self._reported[monitor, reading.stream] = reading.stamp
-            now = min(reading.stamp + self._held_back(self._streams[reading.stream]), _LATEST)
+            now = min(reading.stamp + self._streams[reading.stream].held_back, _LATEST)
             if self.now is None or now > self.now:
                 self._advance(now, server)
 
@@ -117,8 +94,3 @@ class SimulatedTime:
         """Whether a stamp is rather of the server's time, as far as can be told without a clock."""
         away = abs(stamp - server)
         return away <= self._max_skew if self.now is None else away < abs(stamp - self.now)
-
-    @staticmethod
-    def _held_back(stream: StreamSpec) -> int:
-        """How far an adapter's clock for a stream is behind (ns): 0 where the adapter stamps the messages itself."""
-        return 0 if stream.proxied and not stream.stamp else stream.latency

@@ -101,6 +101,11 @@ class StreamSpec:
         """Whether its events pass through a proxy in the adapter, which stamps them, so that its clocks are exact."""
         return self.traits.proxied and self.via == "proxy"
 
+    @property
+    def held_back(self) -> int:
+        """How far an adapter's clock for it is behind (ns): 0 where the adapter stamps the messages itself."""
+        return 0 if self.proxied and not self.stamp else self.latency
+
 
 @dataclass(frozen=True, slots=True)
 class External:

@@ -83,7 +83,7 @@ async def over(record: SessionRecord, state: Document, instance: str, history: R
     """
     because = state.get("closed_because") or BY_REQUEST
     if state.get("clock_went_back"):
-        return ended(record.id, CLOCK_WENT_BACK, None if record.private else await runs.anew(record.id))
+        return ended(record.id, because, None if record.private else await runs.anew(record.id))
     was_there = any(monitor.instance == instance for monitor in await history.monitors(record.number))
     if record.private or (was_there and because == BY_REQUEST):
         why = f"session '{record.id}' is closed ({because}); it can only be read"

@@ -25,7 +25,7 @@ from oracle_server.review.restore import Restored
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters, counted
 from oracle_server.sessions.decoding import Decoders
-from oracle_server.sessions.endings import CLOCK_WENT_BACK
+from oracle_server.sessions.endings import CLOCK_SET_BACK, CLOCK_WENT_BACK
 from oracle_server.sessions.judgements import Judgements
 from oracle_server.sessions.keeping import Keeping
 from oracle_server.sessions.ledger import Ledger
@@ -60,8 +60,8 @@ class LiveSession:
         self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, weakly(self._arm))
         self.keeping = Keeping(record, history, self.ledger, self.monitors)
         self.closing = False
-        self.clock_went_back = False
-        """Whether its simulation was restarted, so that it ignores all further events."""
+        self.went_back = ""
+        """Why it is over, where a clock went back: it ignores all further events."""
         self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
         self.presence = Presence(record, self.monitors, clock, self.spec.close_after, weakly(self._close_for))
@@ -98,8 +98,8 @@ class LiveSession:
         streams = claimed(self.spec, wanted)
         self._set_time(wanted)
         monitor = self.monitors.get(wanted.monitor)
-        if self.core.simulated is not None and monitor is not None and monitor.instance == wanted.instance:
-            self.core.simulated.trust(monitor.name)
+        if monitor is not None and monitor.instance == wanted.instance:
+            self.core.clocks.trust(monitor.name)
         if monitor is None:
             monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
         if monitor.outbox is not None:
@@ -173,10 +173,10 @@ class LiveSession:
             return
         readings = [ClockReading(StreamKey(s.stream, s.kind), s.stamp) for s in message.stamps]
         claimed = [r for r in readings if r.stream in monitor.streams]
-        if self.core.simulated is not None and self.core.simulated.goes_back(monitor.name, claimed):
-            log.info("simulated time went back", session=self.id, monitor=monitor.name)
-            self.clock_went_back = True
-            self._close_for(CLOCK_WENT_BACK)
+        if self.core.goes_back(monitor.name, claimed):
+            self.went_back = CLOCK_SET_BACK if self.core.simulated is None else CLOCK_WENT_BACK
+            log.warning("a clock went back", session=self.id, monitor=monitor.name, reason=self.went_back)
+            self._close_for(self.went_back)
             return
         self._judge(self.core.clock, monitor.name, claimed, self._enter())
         if len(claimed) < len(readings):
@@ -300,7 +300,7 @@ class LiveSession:
 
     @property
     def _ignores_events(self) -> bool:
-        return self.closing or self.clock_went_back or self.keeping.failed is not None
+        return bool(self.closing or self.went_back or self.keeping.failed is not None)
 
     def _set_time(self, wanted: Attach) -> None:
         """Let the first monitor choose wall or simulated time. Raises a fatal `WireError` where another one differs."""
@@ -334,16 +334,15 @@ class LiveSession:
             self.core.bypass(monitor.name, {})
             self._set_attached(monitor, attached=False)
             self.core.returning.left(monitor.name, self.clock.now())
-            if self.core.simulated is not None:
-                self.core.simulated.leave(monitor.name)
+            self.core.clocks.leave(monitor.name)
             self.credit.close(monitor.name)
             if not self.closing:  # time passes no more, since events are taken no more
                 self._judge(self.core.detach, monitor.name, self._enter())
         self.presence.leave_empty()
 
     def _end_if_over(self) -> None:
-        if self.clock_went_back:
-            self._close_for(CLOCK_WENT_BACK)
+        if self.went_back:
+            self._close_for(self.went_back)
         self.presence.leave_empty()
         self.presence.watch()
 

@@ -217,9 +217,9 @@ class Registry:
         await session.settle()
         session.end()
         now = session.clock.now()
-        successor = await self._successor(session) if session.clock_went_back else None
+        successor = await self._successor(session) if session.went_back else None
         state = session_state(session, now) | end_of(now, because)
-        state |= {"continued_by": successor, "clock_went_back": session.clock_went_back}
+        state |= {"continued_by": successor, "clock_went_back": bool(session.went_back)}
         await note_closed(self._history, session.number, now, state)
         self.open.pop(session.id, None)
         if self._alarms:
@@ -227,7 +227,7 @@ class Registry:
         session.ledger.snapshots.end()
         self.counters.add_closed(session.counts(), session.core.holds)
         session.ledger.commits.end()
-        if session.clock_went_back:
+        if session.went_back:
             reason = ended(session.id, because, successor)
         else:
             reason = WireError("session_closed", f"session '{session.id}' was closed: {because}", fatal=True)
@@ -379,7 +379,7 @@ class Registry:
         return live
 
     async def _successor(self, session: LiveSession) -> str | None:
-        """The name of the session that continues one whose simulation was restarted; None for a private one."""
+        """The name of the session that continues one whose clock went back; None for a private one."""
         if session.private:
             return None
         return await self._runs.following(session.id)

@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from oracle_server.core.engine import Engine
+from oracle_server.core.goingback import GoingBack
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.spec import Property, StreamSpec
+from oracle_server.core.spec import SECOND, Property, StreamSpec
 from oracle_server.core.stamps import Stamp
 from tests.core.sessions import MAX_DELAY, A, B, Feed, Recorder, open_session, prop, stamps
 from tests.core.test_ticks import native
@@ -74,15 +75,16 @@ def test_by_arrival_time_is_simulated_too() -> None:
 
 
 def test_a_clock_goes_back_where_a_stream_s_reading_does() -> None:
-    time = SimulatedTime({s.key: s for s in STREAMS})
-    time.update("m", [ClockReading(A, 100), ClockReading(B, 90)], REAL)
-    assert time.now == 105
-    assert not time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 90)])
-    assert not time.goes_back("n", [ClockReading(A, 1)]), "another monitor may hear of the time later"
-    time.leave("m")
-    assert time.goes_back("n", [ClockReading(A, 1)]), "but not where none is there that has told it"
-    assert not time.goes_back("n", [ClockReading(A, 100)])
-    assert time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 89)])
+    session, _, _ = simulated(max_skew=0)
+    session.clock("m", [ClockReading(A, 100), ClockReading(B, 90)], REAL)
+    assert session.simulated is not None
+    assert session.simulated.now == 105
+    assert not session.goes_back("m", [ClockReading(A, 100), ClockReading(B, 90)])
+    assert not session.goes_back("n", [ClockReading(A, 1)]), "another monitor may hear of the time later"
+    session.clocks.leave("m")
+    assert session.goes_back("n", [ClockReading(A, 1)]), "but not where none is there that has told it"
+    assert not session.goes_back("n", [ClockReading(A, 100)])
+    assert session.goes_back("m", [ClockReading(A, 100), ClockReading(B, 89)])
 
 
 def test_deadlines_wait_in_the_server_s_time_however_fast_the_simulation_is() -> None:
@@ -106,7 +108,7 @@ def test_when_the_clock_reached_a_time_is_never_said_to_be_too_early() -> None:
     server, now = 0, 0
     for _ in range(3_000):
         server, now = server + rng.choice((0, 1, 7)), now + rng.choice((0, 3, 50))
-        time.update("m", [ClockReading(A, now)], server)
+        time.update([ClockReading(A, now)], server)
         told.append((server, now))
         ago = server - rng.randrange(1_000)
         known = max((sim for at, sim in told if at <= ago), default=None)
@@ -125,16 +127,16 @@ def restarted(**ordering: Any) -> tuple[Session, Feed]:
     feed(A, 1_000, arrived=REAL)
     session.finish(REAL)
     session.simulate()
+    session.clocks = GoingBack(session.plan.spec.by_key, session.plan.spec.ordering.max_skew)
     return session, feed
 
 
 def test_a_restarted_simulation_is_noticed_by_its_first_clock() -> None:
     for reading, back in ((960, True), (966, False), (5_000, False)):
         session, _ = restarted()
-        assert session.simulated is not None
-        assert session.simulated.goes_back("n", [ClockReading(A, reading)]) is back
-        session.simulated.trust("m")
-        assert not session.simulated.goes_back("m", [ClockReading(A, 1)]), "the same process may still be behind"
+        assert session.goes_back("n", [ClockReading(A, reading)]) is back
+        session.clocks.trust("m")
+        assert not session.goes_back("m", [ClockReading(A, 1)]), "the same process may still be behind"
 
 
 def test_after_a_restart_the_time_is_that_of_before_until_a_clock_tells_it() -> None:
@@ -172,3 +174,26 @@ def test_a_robot_s_clock_is_never_fixed_by_the_server_s_time() -> None:
     judged += feed.clock(A, 95, REAL) + feed.clock(B, 95, REAL) + feed(A, None, {"t": 17}, arrived=REAL)
     judged += feed.clock(A, 115, REAL) + feed(A, None, {"t": 30}, arrived=REAL) + session.finish(REAL)
     assert [(j.step.event.stream, j.step.time) for j in judged] == [(B, 90), (A, 90), (A, 100), (A, 113)]
+
+
+def test_a_wall_clock_goes_back_where_it_is_set_back_by_more_than_clocks_may_differ() -> None:
+    """All that came was late, and judged at the time that had been reached."""
+    session = open_session([prop("any", "once {v: 1}")], attach={"m": [A]}, streams=STREAMS, max_skew=2 * SECOND)
+    feed = Feed(session)
+    feed.clock(A, 100 * SECOND, 100 * SECOND)
+    assert not session.goes_back("m", [ClockReading(A, 98 * SECOND)])
+    assert session.goes_back("m", [ClockReading(A, 98 * SECOND - 1)])
+    assert not session.goes_back("n", [ClockReading(A, 1)]), "another machine's clock may be behind"
+    feed(A, 100 * SECOND, arrived=100 * SECOND)
+    session.advance(101 * SECOND)
+    session.clocks.leave("m")
+    assert not session.goes_back("n", [ClockReading(A, 98 * SECOND - 5)])
+    assert session.goes_back("n", [ClockReading(A, 98 * SECOND - 6)])
+
+
+def test_by_arrival_no_clock_goes_back_and_no_clock_is_exact() -> None:
+    for by, back in (("arrival", False), ("both", True)):
+        session = open_session([prop("any", "once {v: 1}")], attach={"m": [A]}, streams=STREAMS, max_skew=0, by=by)
+        Feed(session).clock(A, 100 * SECOND, 100 * SECOND)
+        assert not session.goes_back("m", [ClockReading(A, 99 * SECOND)]), "a clock is set right by less, often"
+        assert session.goes_back("m", [ClockReading(A, 98 * SECOND)]) is back

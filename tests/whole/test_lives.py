@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
+import time
 from typing import Any
 
 from tests.whole.client import attached, make_event
@@ -42,6 +43,32 @@ async def test_a_session_that_is_left_is_closed_and_its_name_begins_anew(start: 
     server = start(ORACLE_RESUME_WITHIN="0.05")
     assert (await closed(server, "s.run2"))["closed_because"] == state["closed_because"]
     assert [r["outcome"] for r in server.records("s.run2")] == ["currently_true"]
+
+
+async def test_a_session_goes_on_as_another_run_where_a_monitors_clock_is_set_back(
+    server: Server, session: str
+) -> None:
+    """All that came was late, and judged at the time that had been reached, until the clock was there again."""
+    now = time.time_ns()
+    async with (
+        attached(server, "m1", session=session, spec="pair", streams=["/a"]) as monitor,
+        attached(server, "m2", session=session, streams=["/b"]) as other,
+    ):
+        await monitor.send(make_event(1, stamp=now, data={"v": 1}), wall_clock(now))
+        await monitor.send(wall_clock(now - 10**9), make_event(2, stamp=now, data={"v": 1}))
+        await monitor.send(wall_clock(now - 1800 * 10**9), make_event(3, stamp=now - 1800 * 10**9, data={"v": 1}))
+        for one in (monitor, other):
+            frames, _ = await one.closed()
+            assert (frames[-1]["code"], frames[-1]["session"]) == ("session_ended", f"{session}.run2")
+    state = server.get(f"sessions/{session}")
+    assert (state["closed_because"], state["continued_by"]) == ("the machine's clock was set back", f"{session}.run2")
+    assert [r["seq"] for r in server.records(session, property="a_is_small")] == [1, 2]
+    told = await refused(server, monitor="m3", session=session)
+    assert (told["session"], "the machine's clock was set back" in told["message"]) == (f"{session}.run2", True)
+
+
+def wall_clock(at: int) -> dict[str, object]:
+    return {"type": "clock", "stamps": [{"stream": "/a", "kind": "topic", "stamp": at}]}
 
 
 async def test_a_session_is_closed_by_the_command_line(server: Server, session: str) -> None:

@@ -1,0 +1,50 @@
+"""Clocks of a session's monitors that go back: nothing can be in order any more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from oracle_server.core.events import StreamKey
+from oracle_server.core.simulated import ClockReading
+from oracle_server.core.spec import SECOND, StreamSpec
+
+WALL_MAY_DIFFER = SECOND
+"""By how much (ns) wall clocks may differ, whatever the spec says: they are set right by less, often."""
+
+
+class GoingBack:
+    """What the clocks of monitors have told, and whether one of them goes back."""
+
+    def __init__(self, streams: Mapping[StreamKey, StreamSpec], max_skew: int) -> None:
+        """`streams` are those that clocks may tell of; times of different monitors may differ by `max_skew` (ns)."""
+        self._streams, self._max_skew = streams, max_skew
+        self._told: dict[tuple[str, StreamKey], int] = {}
+        self._telling: set[str] = set()
+
+    def note(self, monitor: str, readings: Sequence[ClockReading]) -> None:
+        """Note what a monitor's clock tells."""
+        if readings:
+            self._telling.add(monitor)
+        for reading in readings:
+            self._told[monitor, reading.stream] = reading.stamp
+
+    def is_back(self, monitor: str, readings: Sequence[ClockReading], present: int | None, *, wall: bool) -> bool:
+        """Whether a monitor tells an earlier time of a stream than before; a `wall` clock is set right all the time.
+
+        So it is, too, where no monitor is there that has told the time, and the first one is behind the `present` (ns).
+        """
+        allowed = max(WALL_MAY_DIFFER, self._max_skew) if wall else 0
+        if any(r.stamp < self._told.get((monitor, r.stream), 0) - allowed for r in readings):
+            return True
+        if self._telling or present is None or not readings:
+            return False
+        newest = max(r.stamp + self._streams[r.stream].held_back for r in readings)
+        return newest < present - max(allowed, self._max_skew)
+
+    def trust(self, monitor: str) -> None:
+        """Note that a monitor is the same process as before: it may be behind, and says itself where time goes back."""
+        self._telling.add(monitor)
+
+    def leave(self, monitor: str) -> None:
+        """Note that a monitor is not there any more."""
+        self._telling.discard(monitor)
