@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import resource
 import threading
+import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,22 @@ def test_a_clock_that_goes_back_is_in_the_log_and_replay_says_so(streams: Path, 
     assert [line.get("back") for line in lines_of(path)] == [None, None, True, None]
     told = run("replay", SPEC, path)
     assert f"{path}:3: simulated time went back (1 time in all)" in told.stdout + told.stderr
+
+
+def test_time_goes_on_in_a_log_where_the_machines_clock_is_set_back(
+    streams: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stood still until the clock was there again: whatever was silent meanwhile counted as just heard."""
+    wall, ticks = 1_764_000_000 * 10**9, 5 * 10**9
+    log = log_at(tmp_path / "log.jsonl", streams)
+    for passed, at in ((0, 0), (2, 2), (1, -1800), (1, -1799), (1800, 1), (1, 1900)):
+        ticks += passed * 10**9
+        monkeypatch.setattr(time, "monotonic_ns", partial(int, ticks))
+        monkeypatch.setattr(time, "time_ns", partial(int, wall + at * 10**9))
+        log.send("/battery_percentage", "topic", None, {"id": 1, "percentage": 90.0})
+    log.close()
+    arrived = [(line["arrived"] - wall) // 10**9 for line in lines_of(tmp_path / "log.jsonl")]
+    assert arrived == [0, 2, 3, 4, 1804, 1900]
 
 
 def test_an_event_of_an_action_names_its_goal(streams: Path, tmp_path: Path) -> None:

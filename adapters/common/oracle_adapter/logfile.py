@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from oracle_adapter.exchange import Stamp, State
     from oracle_adapter.link import Details
 
+MAX_APART = 10**9
+"""Nanoseconds for which the time of lines may wait for the wall clock."""
+
 
 class LogFile:
     """Replaces a `Link` where there is no oracle: it writes events, and denies nothing.
@@ -49,7 +52,7 @@ class LogFile:
         self._monitor, self._on_state, self._on_error = monitor, on_state, on_error
         self._lock = threading.Lock()
         self._stats = Stats()
-        self._seq = self._arrived = 0
+        self._seq = self._arrived = self._ticks = 0
         self._missed = 0  # events that could not be written since the last line
         self._unread = 0  # events that could not be read, which no line tells yet
         self._back = False
@@ -79,9 +82,8 @@ class LogFile:
         line.update(_given(**more))
         with self._lock:
             published = stamp() if callable(stamp) else stamp
-            self._arrived = max(self._arrived, time.time_ns())
             self._seq += 1
-            line.update(seq=self._seq, stamp=published, arrived=self._arrived, data=data)
+            line.update(seq=self._seq, stamp=published, arrived=self._arrive(), data=data)
             if self._back:
                 line["back"] = True
             lost = (more.get("lost") or 0) + self._missed + self._unread
@@ -101,6 +103,16 @@ class LogFile:
         if first:
             self._on_error(LinkError("lost", f"the log can't be written: {reason}"))
         return False
+
+    def _arrive(self) -> int:
+        """The time of a line (ns), which never goes back, and stands still for a second at most."""
+        ticks, before = time.monotonic_ns(), self._ticks
+        self._ticks = ticks
+        wall = time.time_ns()
+        if wall < self._arrived - MAX_APART:  # the clock was set back: all would arrive at one time
+            self._arrived += ticks - before
+        self._arrived = max(self._arrived, wall)
+        return self._arrived
 
     def lost(self, count: int) -> bool:
         """Have the next line tell that so many could not be read before; True where it has to."""
