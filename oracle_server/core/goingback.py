@@ -1,4 +1,4 @@
-"""Clocks of a session's monitors that go back: nothing can be in order any more."""
+"""Clocks of a session's monitors: those that go back, and those that are not in step with the server's."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ class GoingBack:
         self._streams, self._max_skew = streams, max_skew
         self._told: dict[tuple[str, StreamKey], int] = {}
         self._telling: set[str] = set()
+        self._ahead: dict[str, int] = {}
 
-    def note(self, monitor: str, readings: Sequence[ClockReading]) -> None:
-        """Note what a monitor's clock tells."""
+    def note(self, monitor: str, readings: Sequence[ClockReading], now: int) -> None:
+        """Note what a monitor's clock tells, at a time of the server (ns)."""
         if readings:
             self._telling.add(monitor)
+            self._ahead[monitor] = self._newest(readings) - now
         for reading in readings:
             self._told[monitor, reading.stream] = reading.stamp
 
@@ -33,13 +35,17 @@ class GoingBack:
 
         So it is, too, where no monitor is there that has told the time, and the first one is behind the `present` (ns).
         """
-        allowed = max(WALL_MAY_DIFFER, self._max_skew) if wall else 0
+        allowed = self._allowed if wall else 0
         if any(r.stamp < self._told.get((monitor, r.stream), 0) - allowed for r in readings):
             return True
         if self._telling or present is None or not readings:
             return False
-        newest = max(r.stamp + self._streams[r.stream].held_back for r in readings)
-        return newest < present - max(allowed, self._max_skew)
+        return self._newest(readings) < present - max(allowed, self._max_skew)
+
+    def apart(self, monitor: str) -> int:
+        """By how much (ns) a monitor's wall clock is ahead of the server's, or behind: 0 where both are in step."""
+        ahead = self._ahead.get(monitor, 0)
+        return ahead if abs(ahead) > self._allowed else 0
 
     def trust(self, monitor: str) -> None:
         """Note that a monitor is the same process as before: it may be behind, and says itself where time goes back."""
@@ -48,3 +54,12 @@ class GoingBack:
     def leave(self, monitor: str) -> None:
         """Note that a monitor is not there any more."""
         self._telling.discard(monitor)
+
+    @property
+    def _allowed(self) -> int:
+        """By how much (ns) wall clocks may differ."""
+        return max(WALL_MAY_DIFFER, self._max_skew)
+
+    def _newest(self, readings: Sequence[ClockReading]) -> int:
+        """The time of a clock (ns) that has told these."""
+        return max(r.stamp + self._streams[r.stream].held_back for r in readings)

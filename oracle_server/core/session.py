@@ -167,7 +167,7 @@ class Session(Resumable):
         """Take a monitor's clock: the times before which its streams have no more events."""
         judged = self.advance(now)
         readings = tuple(readings)
-        self.clocks.note(monitor, readings)
+        self.clocks.note(monitor, readings, self.now)
         if self.simulated is not None:
             self.simulated.update(readings, self.now)
             if self.begun is None and self.simulated.now is not None:

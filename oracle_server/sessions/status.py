@@ -10,6 +10,7 @@ from typing import Any
 from oracle_server.core.events import Source, Step
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.session import Session
+from oracle_server.core.spec import SECOND
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
 from oracle_server.sessions.counters import counted
@@ -41,21 +42,44 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "closed_because": None,
         "trouble": None if trouble is None else f"nothing more of it can be kept: {trouble}",
         "monitors": list(_monitors(session)),
-        **_told_of_left(session, judged_state(session.core, now, session.ledger.refused)),
+        **_told_of_monitors(session, judged_state(session.core, now, session.ledger.refused)),
     }
 
 
-def _told_of_left(session: LiveSession, state: dict[str, Any]) -> dict[str, Any]:
-    """The state with the caveat that nobody observes any more what a property reads, where other monitors are there."""
+def _told_of_monitors(session: LiveSession, state: dict[str, Any]) -> dict[str, Any]:
+    """The state with the caveats of properties that come from their monitors: from those that left, and from clocks."""
+    lacks = _lacking(session)
+    apart = list(_apart(session))
+    for row in state["properties"] if lacks or apart else ():
+        row["caveats"] += lacks.get(row["id"], ())
+        row["caveats"] += [text for text, ids in apart if row["order"] == "publication" and row["id"] in ids]
+    return state
+
+
+def _apart(session: LiveSession) -> Iterator[tuple[str, frozenset[str]]]:
+    """What is to be said of clocks that are not in step with the server's, and of which properties."""
+    properties = session.spec.properties if session.core.simulated is None else ()
+    for name in (monitor.name for monitor in session.monitors.values() if monitor.outbox is not None):
+        ahead = session.core.clocks.apart(name)
+        seconds = max(1, round(abs(ahead) / SECOND))
+        if ahead > 0:
+            told = f"the clock of {name} is {seconds} s ahead of the server's: its events are ordered as they arrive"
+            yield told, frozenset(p.id for p in properties)
+        elif ahead < 0:
+            told = f"the clock of {name} is {seconds} s behind the server's, or what it sends takes so long"
+            timed = frozenset(p.id for p in properties if p.time == "seconds")
+            yield f"{told}: deadlines run out before what meets them comes", timed
+
+
+def _lacking(session: LiveSession) -> dict[str, list[str]]:
+    """Which streams nobody observes any more that a property reads, by its id, where other monitors are there."""
     there = {key for monitor in session.monitors.values() if monitor.attached for key in monitor.streams}
     left = sorted(session.claimed - there) if there else []
     lacks: dict[str, list[str]] = {}
     for key in left[:_FEW]:
         for index in session.core.plan.readers.get(key.name, ()):
             lacks.setdefault(session.spec.properties[index].id, []).append(f"no monitor observes {key} any more")
-    for row in state["properties"] if lacks else ():
-        row["caveats"] += lacks.get(row["id"], ())
-    return state
+    return lacks
 
 
 def present_state(session: LiveSession, now: int) -> dict[str, Any]:
