@@ -28,6 +28,14 @@ class AllUnanswered:
 
     told: Sequence[Unanswered]
     count: int
+    at_once: int = 0
+    """How many of these the present step itself asked for."""
+
+    @property
+    def earlier(self) -> AllUnanswered:
+        """Those that earlier steps asked for; what the present step asked for is the newest."""
+        count = self.count - self.at_once
+        return AllUnanswered(self.told[:count], count)
 
     def __bool__(self) -> bool:
         """Whether there are any."""

@@ -100,6 +100,7 @@ class PropertyState(Counted):
     """What the last step comes to without the obligations that were decided at it."""
     is_innocent: bool = False
     """Whether the last step holds by itself, where the property is latched."""
+    lasts: bool = field(init=False, default=True)
     _failure: Exception | None = field(init=False, default=None)
     """What its next tick fails by."""
     _goes_on: bool = field(init=False)
@@ -155,7 +156,7 @@ class PropertyState(Counted):
 
     def _outcome_at(self, view: View, latest: int, failed: Names, outcome: Outcome) -> Outcome:
         """What an outcome of the engine comes to at a step, by when a time (ns) must have come."""
-        self._take_unanswered()
+        self.take_unanswered(tick=False)
         self.unowed = _HOLDS
         fails = bool(failed) and not view.reads.isdisjoint(failed)
         if outcome is Outcome.UNKNOWN or fails:
@@ -352,13 +353,6 @@ class PropertyState(Counted):
         self.broken, self._revisable = reason, None
         self.engine, self.owed, self._guarding = Broken(self.complaint), None, None
 
-    def _take_unanswered(self) -> None:
-        """Count what obligations were decided with the last step, or by the time that came last."""
-        owed = self.owed
-        if owed is not None:
-            self.unanswered = owed.unanswered()
-            self.failures += owed.lost
-
     def _pass(self, passes: Callable[[], None]) -> Outcome:
         """The outcome once time has decided what it does, for good."""
         try:
@@ -369,7 +363,7 @@ class PropertyState(Counted):
             self.give_up(str(error) or type(error).__name__)
             self.failures += 1
             return Outcome.UNKNOWN
-        self._take_unanswered()
+        self.take_unanswered(tick=True)
         self.settles = self.owed is not None and self.owed.closed > 0
         outcome = self.outcome
         if self.settles:

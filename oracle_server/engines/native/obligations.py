@@ -211,7 +211,9 @@ class Obligations:
         """Those of them that were decided false."""
         if not self.broken:
             return NO_UNANSWERED
-        return AllUnanswered([Unanswered(each.event, self.values(each.key)) for each in self.failed], self.failures)
+        told = [Unanswered(each.event, self.values(each.key)) for each in self.failed]
+        now = self._present.moment if self.at_step else None
+        return AllUnanswered(told, self.failures, count([each for each in self.decided if each.start == now], FALSE))
 
     def values(self, key: Key) -> dict[str, Scalar]:
         """The values of the variables at a key."""

@@ -53,6 +53,10 @@ class Told:
         data = {"node": node, "transition": transition}
         return list(self.session.ingest(Event(TRANSITION, "m", self.number, at, at, data)))
 
+    @property
+    def violations(self) -> int:
+        return self.session.judges["arrival"].told.properties[0].violations
+
     def outcomes(self, *told: tuple[object, str]) -> list[str]:
         return [j.verdicts[0].outcome.current.value for each in told for j in self.tell(*each)]
 
@@ -90,6 +94,35 @@ def test_machines_that_have_no_room_fail(monkeypatch: pytest.MonkeyPatch) -> Non
     assert told.outcomes(("/a", "configure"), ("/b", "configure"), ("/c", "configure"), ("/a", "activate")) == [
         "currently_true", "currently_true", "unknown", "currently_true",
     ]  # fmt: skip
+
+
+def test_an_error_is_one_violation_as_long_as_it_lasts() -> None:
+    for text in (SPEC, WITHIN):
+        told = Told(text)
+        wrong = [("/a", "activate"), *[("/a", "configure")] * 3]
+        assert told.outcomes(*wrong) == ["currently_false"] * 4
+        assert told.violations == 1, text
+        assert told.outcomes(({}, "configure"), ("/b", "configure")) == ["unknown"] * 2
+        assert told.violations == 1, text
+
+
+def test_an_error_behind_a_state_that_was_not_left_is_a_violation_of_its_own() -> None:
+    told = Told(WITHIN)
+    told.outcomes(("/a", "configure"), ("/a", "activate"))
+    assert len([*told.session.advance(33 * SECOND)]) == told.violations == 1
+    told.number = 40
+    assert told.outcomes(("/a", "activate"), ("/a", "activate"), ("/a", "activate")) == ["currently_false"] * 3
+    assert told.violations == 2
+
+
+def test_a_state_that_is_not_left_in_time_counts_while_another_machine_is_in_an_error() -> None:
+    told = Told(WITHIN)
+    told.outcomes(("/a", "configure"), ("/a", "activate"), ("/b", "activate"))
+    late = [*told.session.advance(33 * SECOND)]
+    assert [len(j.verdicts[0].explanation.about) for j in late if j.verdicts[0].explanation] == [1]
+    told.number = 40
+    assert told.outcomes(("/b", "activate")) == ["currently_false"]
+    assert told.violations == 2
 
 
 def test_a_state_that_is_not_left_in_time_is_a_violation() -> None:
