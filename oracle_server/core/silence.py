@@ -64,12 +64,10 @@ def unseen_silence(spec: Spec) -> Iterator[SpecProblem]:
             why = _why_gone(spec, prop, reads) or _why_at_messages(spec, prop, reads) or _why_computed(spec, prop)
         else:
             why = _why_awaited(spec, prop, reads, owed)
-        told = (
-            f"no deadline violates it, so that silence is not told: {why}" if why else _comes_again(spec, prop, reads)
-        )
-        if told:
-            message = f"formula of '{prop.id}': {told}"
-            yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="vacuous")
+        told = [f"no deadline violates it, so that silence is not told: {why}"] if why else []
+        for message in told or _comes_again(spec, prop, reads):
+            text = f"formula of '{prop.id}': {message}"
+            yield SpecProblem(("properties", i, "formula"), text, severity="warning", kind="vacuous")
 
 
 def _why_gone(spec: Spec, prop: Property, reads: Iterable[Definition]) -> str:
@@ -169,27 +167,30 @@ def _of_the_past(prop: Property, owed: Obligation) -> str:
     return render(Implies(Once(trigger, goal.bound), goal.operand), "seconds")
 
 
-def _comes_again(spec: Spec, prop: Property, reads: Sequence[Definition]) -> str:
-    """What is said where something is to come often enough, and comes with each message of any stream; mostly empty.
+def _comes_again(spec: Spec, prop: Property, reads: Sequence[Definition]) -> Iterator[str]:
+    """What is said where something is counted that comes with each message of any stream, first where it may not miss.
 
-    Not of an age that the spec derives: that of what is held tells how long it has been otherwise.
+    Not of an age that the spec derives: that of what is held tells how long it has been otherwise. Nor of the last
+    steps, where any stream's count.
     """
     often = [each for each in reads if each.op in ("rate", "count") or each in prop.measures]
     broken, kept = _broken(spec, prop.formula, often), lasting(spec)
-    for each in often if len(spec.streams) > 1 else ():
-        if each.name in broken and each.formula and present(each.formula, without_signals(kept)) is None:
+    counted = [each for each in often if each.timed and {*each.by} <= kept]
+    for each in [e for e in often if e.name in broken] or counted if len(spec.streams) > 1 else ():
+        if each.formula and present(each.formula, without_signals(kept)) is None:
             held = {c.key for atom in atoms(each.formula) for c in atom.constraints} & kept
             owner = next((s for s in spec.streams if s.hold & held), spec.streams[0])
             event = render(each.formula)
             mend = f'{{{owner.traits.group}: "{owner.name}"}} and {event}'
             if each in prop.measures:
                 mend = f"{owner.name} {event if isinstance(each.formula, Atom) else '{…}'}"
-            return (
-                f"silence is not told while other streams speak: `{event}` comes again at each of their messages, "
+            lead = "silence is not told while other streams speak" if each.name in broken else "it counts other streams"
+            yield (
+                f"{lead}: `{event}` comes again at each of their messages, "
                 f"since {quoted(sorted(held))} {'keeps its value' if len(held) == 1 else 'keep their values'}; write "
                 f"it with its stream, as in `{mend}`"
             )
-    return ""
+            return
 
 
 def _is_meant(prop: Property) -> bool:

@@ -315,6 +315,26 @@ def test_rows_that_are_counted_for_messages_are_told_of(prop: str, *, counts_row
 
 
 @pytest.mark.parametrize(
+    ("of", "each", "by"),
+    [
+        ("{last: child}", "msg.transforms", "row"),
+        ("{previous: row}", "msg.transforms", "child"),
+        ("{delta: row}", "msg.transforms", "child"),
+        ("{follows: child, states: {a: [b], b: [a]}}", "msg.transforms", "row"),
+        ("{delta: row, by: child, forget: 1h}", "msg.transforms", None),
+        ("{max: row, over: 1s}", "msg.transforms", None),
+        ("{delta: row}", "\"msg.transforms.filter(t, t.child_frame_id == 'base')\"", None),
+        ("{delta: speed}", "msg.transforms", None),
+    ],
+)
+def test_samples_of_one_row_after_the_other_are_told_of(of: str, each: str, by: str | None) -> None:
+    found = told(f"{ROWS.replace('msg.transforms', each)}derive: {{m: {of}}}\n{SOUND}")
+    says = "derived signal 'm': its samples are the rows of /tf, one after the other, whichever these are"
+    assert [each for each in found if says in each and f"as in `by: {by}, forget: 1h`" in each] == found
+    assert len(found) == (by is not None)
+
+
+@pytest.mark.parametrize(
     ("pattern", "mend"),
     [
         ("/pay {user: *u} every 5s", "{age: '{…}', forget: 1h, by: user}"),

@@ -91,6 +91,27 @@ def test_what_is_held_comes_with_each_message_and_tells_no_silence(prop: str, ev
     assert found.endswith(f"write it with its stream, as in `{mend}`")
 
 
+@pytest.mark.parametrize(
+    ("prop", "mend"),
+    [
+        ("pattern: 'at most 3 {mode: AUTO} within 1s'", '/mode {mode: "AUTO"}'),
+        ("pattern: '{mode: AUTO} at most 2 Hz over 2s'", '/mode {mode: "AUTO"}'),
+        ("pattern: 'at most 3 /mode {mode: AUTO} within 1s'", None),
+        ("formula: 'not {often_auto > 1}'", '{topic: "/mode"} and {mode: "AUTO"}'),
+        ("formula: 'not {many_auto > 2}'", '{topic: "/mode"} and {mode: "AUTO"}'),
+        ("formula: 'not {last_auto > 2}'", None),  # of the last steps, of any stream
+    ],
+)
+def test_what_is_held_is_counted_with_each_message(prop: str, mend: str | None) -> None:
+    auto = "".join(f"  {name}_auto: {{{{{op}: '{{{{mode: AUTO}}}}', over: 2s}}}}\n" for name, op in AUTO.items())
+    auto += "  last_auto: {{count: '{{mode: AUTO}}', over: 20}}\n"
+    text = SPEC.replace("derive:\n", f"derive:\n{auto}").format(prop=prop)
+    found = [w.message for w in parse_spec(text, "s.yaml").warnings if "it counts other streams" in w.message]
+    assert len(found) == (mend is not None)
+    assert all('`{mode: "AUTO"}` comes again at each of their messages' in each for each in found)
+    assert all(each.endswith(f"write it with its stream, as in `{mend}`") for each in found)
+
+
 @pytest.mark.parametrize("time", ["", ", time: seconds"])
 @pytest.mark.parametrize(
     ("prop", "what"),

@@ -15,7 +15,7 @@ from oracle_server.core.derived.definition import OPS, Definition
 from oracle_server.core.derived.machinery import KeyPath, placed
 from oracle_server.core.derived.words import for_each
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.expression import check_shape, tokens, tree
+from oracle_server.core.expression import check_shape, parse_expression, tokens, tree
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Scalar, atoms
 from oracle_server.core.lacks import quoted, whose
@@ -33,6 +33,7 @@ from oracle_server.core.withholding import lasting, present, without_signals
 _MARKS = {
     "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
+_BY_SAMPLE = ("last", "previous", "delta", "follows")
 _AT_MOST = re.compile(r"\bat\s+most\s+(\d+(?:\.\d+)?)\s*(?:hz|hertz)\b", re.IGNORECASE)
 
 
@@ -56,7 +57,7 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield _warning(definition, path, message, at_part)
         for message, variable_at in for_each(definition):
             yield _warning(definition, path, message, variable_at)
-        for message in _of_rows(definition, where):
+        for message in (*_of_rows(definition, where), *_across_rows(definition, spec)):
             yield _warning(definition, path, message, None)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
@@ -128,6 +129,21 @@ def _of_rows(definition: Definition, where: Sequence[Place]) -> Iterator[str]:
             f"it counts the rows of {rows[0].key}, and not its messages, each of which has as many as its list; to "
             f"count messages write `row: index` under its `signals`, and ask for `{event}`"
         )
+
+
+def _across_rows(definition: Definition, spec: Spec) -> Iterator[str]:
+    """What goes from one sample to the next, where these are rows of a message, whichever they are."""
+    if definition.by or definition.op not in _BY_SAMPLE:
+        return
+    stream = next((s for s in spec.streams if s.each and definition.of in (s.signals or ())), None)
+    if stream is None or not isinstance(parse_expression(stream.each or "").tree, tree.Path):  # one may be chosen there
+        return
+    other = next((name for name in stream.signals or () if name != definition.of), "row")
+    index = "" if other != "row" else ", with `row: index` under its `signals`"
+    yield (
+        f"its samples are the rows of {stream.key}, one after the other, whichever these are: the next one is mostly "
+        f"another row of the same message; keep it by what tells rows apart, as in `by: {other}, forget: 1h`{index}"
+    )
 
 
 def _with_itself(definition: Definition, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
