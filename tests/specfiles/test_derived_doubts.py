@@ -96,6 +96,28 @@ def test_a_pattern_is_told_of_at_its_place() -> None:
     assert "`n > 256` is never met" in found.message
 
 
+@pytest.mark.parametrize(
+    ("of", "prop", "says"),
+    [
+        ("{start: a, otherwise: stay, states: {a: {up: b}, b: {down: a}}}", "machine: m", "machine of 'p': {}`error`"),
+        ("{start: a, states: {a: {up: b, down: a}, b: {up: b, down: a}}}", "machine: m", "machine of 'p': {}`error`"),
+        ("{sequence: '(up | down)*'}", "machine: m", "machine of 'p': {}`failed`"),
+        ("{start: a, otherwise: stay, states: {a: {up: b}, b: {down: a}}}", "formula: 'not {m: error}'", "formula of"),
+        ("{start: a, otherwise: stay, states: {a: {up: b, within: 3s}, b: {down: a}}}", "machine: m", None),
+        ("{start: a, states: {a: {up: b}, b: {down: a}}}", "machine: m", None),
+        ("{start: a, states: {a: {up: error, down: a}}}", "machine: m", None),
+        ("{start: a, states: {a: {up: b, down: a}, b: {up: b, down: a}, c: {up: a}}}", "machine: m", "machine of"),
+        ("{sequence: 'up* down*'}", "machine: m", None),
+        ("{follows: n, states: {'1': ['2'], '2': ['1']}}", "machine: m", None),
+    ],
+)  # fmt: skip
+def test_a_machine_that_is_never_in_an_error_is_told_of(of: str, prop: str, says: str | None) -> None:
+    text = f"define: {{up: '{{on}}', down: '{{on: false}}'}}\nderive: {{m: {of}}}\nproperties: [{{id: p, {prop}}}]\n"
+    found = [each for each in told(text) if "nothing that comes" in each]
+    assert len(found) == (says is not None)
+    assert all(each.startswith((says or "").format("nothing that comes leads 'm' to ")) for each in found)
+
+
 KEYED = (
     "derive: {spent: {sum: amount, over: 1h, by: user}, twice: 2.0 * spent, gap: amount - user, d: {delta: speed}}\n"
 )

@@ -8,7 +8,7 @@ from typing import Literal
 from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import MAX_SAMPLES, OPS, Definition
 from oracle_server.core.derived.keyed import names_of
-from oracle_server.core.derived.machinery import KeyPath, machine_problems, never, placed
+from oracle_server.core.derived.machinery import KeyPath, machine_problems, never, never_wrong, placed
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.expression import KEYWORDS, check_shape
@@ -42,6 +42,7 @@ def derived_problems(spec: Spec) -> Iterator[SpecProblem]:
     yield from uncompared(spec)
     yield from _too_early(spec)
     yield from _forgotten(spec)
+    yield from never_wrong(spec)
 
 
 def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:

@@ -10,6 +10,7 @@ from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref
 from oracle_server.core.nearest import listed, nearest
+from oracle_server.core.spec import Spec
 from oracle_server.core.units import span
 
 KeyPath = tuple[str | int, ...]
@@ -62,6 +63,23 @@ def never(definition: Definition, constraint: Constraint) -> str | None:
     hint = nearest(str(wanted), values)
     meets = "never" if constraint.op == "==" else "always"
     return f"`{text}` is {meets} met; {f'{hint} ' if hint else ''}'{definition.name}' is one of {listed(values)}"
+
+
+def never_wrong(spec: Spec) -> Iterator[SpecProblem]:
+    """Machines that are asked never to be in an error, to which no event leads."""
+    safe = {d.name: d.table for d in spec.derive if d.table is not None and not d.table.can_err}
+    for i, prop in enumerate(spec.properties):
+        for atom in prop.atoms if safe else ():
+            table = next((safe[c.key] for c in atom.constraints if c.key in safe and c.value == safe[c.key].bad), None)
+            if table is None or (prop.says == "machine" and table.limits):
+                continue
+            name = next(c.key for c in atom.constraints if c.key in safe)
+            state = next((value for value in table.values if value not in (None, table.bad)), "…")
+            message = (
+                f"formula of '{prop.id}': nothing that comes leads '{name}' to `{table.bad}`; have events that are "
+                f"wrong in a state lead there, or write what must hold in a state, as in `{{{name}: {state}}} -> {{…}}`"
+            )
+            yield SpecProblem(("properties", i, "formula"), message, atom.at, severity="warning", kind="vacuous")
 
 
 def _unreached(definition: Definition) -> Iterator[SpecProblem]:

@@ -43,6 +43,18 @@ class Table:
         """The state of which nothing is known."""
         return _among(range(len(self.names)))
 
+    @property
+    def can_err(self) -> bool:
+        """Whether any events lead to its error."""
+        found, new = {self.start}, [self.start]
+        while new:
+            state = new.pop()
+            ways = {*self.rows[state].values()}
+            ways |= {self.otherwise[state]} if len(self.rows[state]) < len(self.events) else set()
+            new += ways - found
+            found |= ways
+        return any(self.values[state] == self.bad for state in found)
+
     def after(self, state: int, sample: int) -> int:
         """The state behind a step with these events."""
         held, unsure = sample & ((1 << len(self.events)) - 1), sample >> len(self.events)
