@@ -65,13 +65,26 @@ def test_both_languages_say_the_same(tmp_path: Path, text: str) -> None:
         "stateDiagram-v2",
         "    [*] --> Closed",
         "    Closed --> Open: on_push",
+        "    Closed --> Closed: on_speed_0_5",
         "    Open --> Closed: on_speed_0_5",
         "    Open --> Broken: on_hit_hard",
+        "    Broken --> Broken: on_speed_0_5",
         "    %% an event that a state has not leads to error",
     ]
     assert 'on_speed_0_5: "{speed > 0.5}"' in written
     assert 'on_hit_hard: "{event: \\"hit hard!\\"}"' in written
     assert written.count("TODO: say in CEL") == 2
+
+
+def test_a_comparison_changes_nothing_where_no_arrow_has_it(tmp_path: Path) -> None:
+    text = (
+        "stateDiagram-v2\n[*] --> Idle\nIdle --> Heat: t < 18\nHeat --> Idle: t > 22 && door == 0\nIdle --> Off: stop"
+    )
+    assert rows(tmp_path, text) == {
+        "Idle": {"on_t_18": "Heat", "on_stop": "Off", "on_t_22_door_0": "Idle"},
+        "Heat": {"on_t_22_door_0": "Idle", "on_t_18": "Heat"},
+        "Off": {"on_t_18": "Off", "on_t_22_door_0": "Off"},
+    }
 
 
 def test_labels_with_quotes_are_texts_that_check_reads(tmp_path: Path) -> None:

@@ -90,7 +90,10 @@ def _by_events(path: Path, diagram: Diagram) -> Iterator[str]:
                     f"{path}:{arrow.line}: `{arrow.label}` leads from `{state}` to `{arrow.to}` here, and in line "
                     f"{first.line} to `{first.to}`"
                 )
-        yield f"      {json.dumps(state)}: {{{', '.join(f'{event}: {json.dumps(a.to)}' for event, a in row.items())}}}"
+        ways = {event: arrow.to for event, arrow in row.items()}
+        # a comparison holds at message after message: where a state has no arrow for it, it changes nothing
+        ways |= {event: state for label, event in events.items() if _compared(label) and event not in row}
+        yield f"      {json.dumps(state)}: {{{', '.join(f'{event}: {json.dumps(to)}' for event, to in ways.items())}}}"
 
 
 def _events(diagram: Diagram) -> dict[str, str]:
@@ -111,11 +114,15 @@ def _events(diagram: Diagram) -> dict[str, str]:
 
 def _meant(label: str) -> tuple[list[str], str]:
     """The signals that a label is of, and its formula: comparisons with numbers, or a value of `event`."""
-    compared = [_COMPARED.fullmatch(part.strip()) for part in _JOINED.split(label)]
-    if all(compared):
-        parts = [match.groups() for match in compared if match]
+    if parts := _compared(label):
         return [signal for signal, *_ in parts], " and ".join(f"{{{' '.join(part)}}}" for part in parts)
     plain = _NAME.fullmatch(label) or _NUMBER.fullmatch(label)
     if plain and label not in ("true", "false"):
         return [_EVENT], f"{{{_EVENT}: {label}}}"
     return [_EVENT], render_atom(Atom((Constraint(_EVENT, "==", label),)))
+
+
+def _compared(label: str) -> list[tuple[str, ...]]:
+    """The comparisons that a label is, each as a signal, a sign and a number; none where it is anything else."""
+    found = [_COMPARED.fullmatch(part.strip()) for part in _JOINED.split(label)]
+    return [match.groups() for match in found if match] if all(found) else []
