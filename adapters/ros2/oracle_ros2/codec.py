@@ -79,7 +79,7 @@ def _value_reader(kind: str, inner: list[str] | None, most: int | None) -> Read:
     if many:
         item = many["of"] or many["array"]
         read = _sequence_reader(item, most)
-        return read if most is None else _bounded(read, 4 / 3 if item in _BYTES else 2, most)
+        return read if most is None else _bounded(read, least(item), most)
     if "/" in kind:
         return reader(load_type(kind), inner, most)
     if kind == "float":
@@ -87,6 +87,22 @@ def _value_reader(kind: str, inner: list[str] | None, most: int | None) -> Read:
     if kind in ("octet", "byte"):
         return lambda value: value[0] if isinstance(value, bytes) else value
     return lambda value: value
+
+
+@lru_cache(maxsize=None)
+def least(item: str) -> float:
+    """How many bytes as JSON an item of a list takes at least, by its kind."""
+    return 4 / 3 if item in _BYTES else _least(item) + 1  # and a comma
+
+
+def _least(kind: str) -> int:
+    many = SEQUENCE.fullmatch(kind)
+    if many:
+        return 2 + int(int(many["size"] or 0) * least(many["of"] or many["array"]))
+    if "/" not in kind:
+        return 1
+    fields = load_type(kind).get_fields_and_field_types()
+    return 2 + sum(len(f'"{name}":,') + _least(inner) for name, inner in fields.items())
 
 
 def _bounded(read: Read, least: float, most: int) -> Read:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from oracle_adapter import TimeSource
     from rclpy.node import Node
 
-_DEFAULTS = ("header.stamp", "stamp")
+USUAL_STAMPS = ("header.stamp", "stamp")
 
 
 def simulated(node: Node) -> bool:
@@ -40,7 +40,7 @@ def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | N
 
     A number there counts as seconds. The function's own answer is None where the time is zero, or before the epoch.
     """
-    for place in (path,) if path else _DEFAULTS:
+    for place in (path,) if path else USUAL_STAMPS:
         names = place.split(".")
         found = _at(message_type(), names)
         if hasattr(found, "sec") and hasattr(found, "nanosec"):

@@ -16,10 +16,10 @@ from rclpy.serialization import deserialize_message
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import Monitors, unguarded
-from oracle_ros2.hidden import hidden_text_check
+from oracle_ros2.hidden import screener
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
-from oracle_ros2.stamps import misplaced, simulated, stamp_reader, time_of
+from oracle_ros2.stamps import USUAL_STAMPS, misplaced, simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
     from oracle_adapter import Stamp, TimeSource
@@ -60,7 +60,8 @@ class Observed:
         self.lacking = not_there(stream["type"], lacking(inner, stream.get("reads") or ()))
         """Which fields the spec reads that the type does not have here."""
         self._read = reader(inner, stream["fields"], frame)
-        self._check_texts = hidden_text_check(self.type)
+        self._blank = " " * ((frame or 0) + 1)
+        self._screened = screener(self.type, _paths(stream, self._field), frame)
         self.is_foreign: Callable[[str], bool] = lambda _: False
         """Whether messages of a source are defined otherwise than here: they can't be read."""
         self.lasts: Callable[[], bool] = lambda: False
@@ -95,8 +96,8 @@ class Observed:
             self.unread.add(missed + 1)
             return None
         try:
-            message = deserialize_message(serialized, self.type)
-            self._check_texts(serialized)
+            screened, is_too_long = self._screened(serialized)
+            message = deserialize_message(screened, self.type)
             if self._field:
                 message = getattr(message, self._field)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
@@ -107,12 +108,21 @@ class Observed:
         stamp = (self._stamp and self._stamp(message)) or self._time_of(info)
         if isinstance(stamp, int) and self.lasts() and self._beginning.is_after(stamp):
             stamp = self._now()
-        return stamp, self._read(message), {"source": source, "lost": missed}
+        data = self._blank if is_too_long else self._read(message)
+        return stamp, data, {"source": source, "lost": missed}
 
     def _time_of(self, info: Mapping[str, Any]) -> Stamp:
         if self._stamped_here:
             return self._now
         return (self._now() if self._timed_here else info["source_timestamp"]) or None
+
+
+def _paths(stream: Mapping[str, Any], envelope: str) -> list[str] | None:
+    """What is read of a stream's messages, whose fields may be in one of an envelope; None for all."""
+    if stream["fields"] is None:
+        return None
+    stamps = (stream["stamp"],) if stream["stamp"] else USUAL_STAMPS
+    return [f"{envelope}.{path}" if envelope else path for path in (*stream["fields"], *stamps)]
 
 
 class LoggedTopic:
