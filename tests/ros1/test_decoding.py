@@ -12,9 +12,9 @@ from oracle_ros1.observed import Decoder, Observed
 NOW = 5
 
 
-def observed(type_: str, fields: list[str]) -> Observed:
+def observed(type_: str, fields: list[str] | None, frame: int | None = None) -> Observed:
     stream = {"name": "/a", "kind": "topic", "type": type_, "fields": fields, "stamp": None, "latency": 7}
-    return Observed(stream, lambda: NOW)
+    return Observed(stream, lambda: NOW, frame)
 
 
 def header(kind: Any, node: str, **more: str) -> dict[str, str]:

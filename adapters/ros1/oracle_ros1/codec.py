@@ -20,8 +20,8 @@ Read = Callable[[Any], Any]
 Lookup = Callable[[str], Any]
 """The class of a nested type's name, as `pkg/Type`."""
 
-_ARRAY = re.compile(r"(?P<of>.+)\[(?P<size>\d*)\]")
-_BYTES = frozenset({"uint8", "char"})
+ARRAY = re.compile(r"(?P<of>.+)\[(?P<size>\d*)\]")
+BYTES = frozenset({"uint8", "char"})
 _TIMES = {"time": genpy.Time, "duration": genpy.Duration}
 _TIME_NAMES = {"sec": "secs", "nanosec": "nsecs", "secs": "secs", "nsecs": "nsecs"}
 _INTEGERS = {
@@ -42,7 +42,7 @@ def reader(message_type: Any, fields: Optional[Iterable[str]], lookup: Lookup) -
     """
     types = types_of(message_type)
     wanted: Mapping[str, Optional[Sequence[str]]]
-    wanted = dict.fromkeys(map(_sent_name, types)) if fields is None else grouped(fields)
+    wanted = dict.fromkeys(map(sent_name, types)) if fields is None else grouped(fields)
     slots = [(name, attribute(name), inner) for name, inner in wanted.items()]
     parts = [(name, slot, _value_reader(types[slot], inner, lookup)) for name, slot, inner in slots if slot in types]
     return lambda message: {name: read(getattr(message, slot)) for name, slot, read in parts}
@@ -59,7 +59,7 @@ def _has(message_type: Any, names: Sequence[str], lookup: Lookup) -> bool:
         return kind is not None
     if kind in _TIMES:
         return len(names) == 2 and names[1] in _TIME_NAMES
-    return "/" in kind and not _ARRAY.fullmatch(kind) and _has(lookup(kind), names[1:], lookup)
+    return "/" in kind and not ARRAY.fullmatch(kind) and _has(lookup(kind), names[1:], lookup)
 
 
 def types_of(message_type: Any) -> Dict[str, str]:
@@ -72,12 +72,13 @@ def attribute(name: str) -> str:
     return f"{name}_" if keyword.iskeyword(name) or name == "self" else name
 
 
-def _sent_name(slot: str) -> str:
+def sent_name(slot: str) -> str:
+    """What a field is called in definitions that genpy calls so."""
     return slot[:-1] if slot == attribute(slot[:-1]) else slot
 
 
 def _value_reader(kind: str, inner: Optional[Sequence[str]], lookup: Lookup) -> Read:
-    array = _ARRAY.fullmatch(kind)
+    array = ARRAY.fullmatch(kind)
     if array:
         return _array_reader(array["of"], lookup)
     if kind in _TIMES:
@@ -91,7 +92,7 @@ def _value_reader(kind: str, inner: Optional[Sequence[str]], lookup: Lookup) -> 
 
 
 def _array_reader(kind: str, lookup: Lookup) -> Read:
-    if kind in _BYTES:
+    if kind in BYTES:
         return bytes
     one = _value_reader(kind, None, lookup)
     return list if one is _same else lambda values: [one(value) for value in values]
@@ -117,7 +118,7 @@ def write(message: Any, data: Mapping[str, Any], lookup: Lookup, place: str = ""
 
 
 def _written(kind: str, current: Any, value: Any, where: str, lookup: Lookup) -> Any:
-    array = _ARRAY.fullmatch(kind)
+    array = ARRAY.fullmatch(kind)
     if array:
         return _array(array, value, where, lookup)
     if "/" in kind:
@@ -133,14 +134,14 @@ def _written(kind: str, current: Any, value: Any, where: str, lookup: Lookup) ->
 def _array(array: "re.Match[str]", value: Any, where: str, lookup: Lookup) -> Any:
     kind, size = array["of"], array["size"]
     values: Any
-    if kind in _BYTES and isinstance(value, str):
+    if kind in BYTES and isinstance(value, str):
         try:
             values = base64.b64decode(value, validate=True)
         except ValueError:
             raise CodecError(f"{where}: {value!r} is not base64, as {kind} sequences are") from None
     elif isinstance(value, (list, tuple)):
         values = [_written(kind, None, item, f"{where}[{i}]", lookup) for i, item in enumerate(value)]
-        values = bytes(values) if kind in _BYTES else values
+        values = bytes(values) if kind in BYTES else values
     else:
         raise CodecError(f"{where}: {value!r} does not fit {array[0]}")
     if size and len(values) != int(size):

@@ -40,7 +40,8 @@ class Monitor:
         self._graph = Graph()
         self._clocks, self._silent = Clocks(now), SilentClock(now)
         self._torn = TornClock()
-        shared = Shared(link, board, names, now, self._graph, self._clocks)
+        frame = attached.limits.get("max_frame")
+        shared = Shared(link, board, names, now, self._graph, self._clocks, frame)
         self._parts: List[Part] = []
         self._jumps: Optional[rospy.Subscriber] = None
         try:

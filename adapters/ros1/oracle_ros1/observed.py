@@ -14,7 +14,8 @@ from oracle_adapter.unread import Unread
 
 from oracle_ros1.codec import CodecError, Read, lacking, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
-from oracle_ros1.stamps import Now, misplaced, stamp_reader
+from oracle_ros1.layout import Screen, screener
+from oracle_ros1.stamps import USUAL_STAMPS, Now, misplaced, stamp_reader
 
 Header = Mapping[str, str]
 
@@ -24,6 +25,8 @@ class Decoder:
     """How messages of one definition become events."""
 
     definition: Definition
+    screened: Screen
+    """What is to be decoded of a serialized message."""
     read: Read
     stamp: Optional[Callable[[Any], Optional[int]]]
     lacking: str
@@ -40,7 +43,9 @@ class Decoder:
 class Observed:
     """A topic as its messages arrive: their stamp, their publisher, and the fields that are read."""
 
-    def __init__(self, stream: Mapping[str, Any], now: Now) -> None:
+    def __init__(self, stream: Mapping[str, Any], now: Now, frame: Optional[int] = None) -> None:
+        """`frame`: as in `Shared`."""
+        self._frame = frame
         self.name: str = stream["name"]
         self.kind: str = stream["kind"]
         self._latency: int = stream["latency"]
@@ -102,11 +107,12 @@ class Observed:
         if decoder.idle:
             return self._now, {}, self._take_unread() if self._unread else 0
         try:
-            decoded = message
+            decoded, is_too_long = message, False
             if isinstance(message, rospy.AnyMsg):
-                decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
+                screened, is_too_long = decoder.screened(message._buff)  # noqa: SLF001 - rospy's own interface
+                decoded = decoder.definition.type().deserialize(screened)
             stamp = decoder.stamp(decoded) if decoder.stamp else None
-            data = decoder.read(decoded)
+            data = " " * ((self._frame or 0) + 1) if is_too_long else decoder.read(decoded)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             node = header_of(message).get("callerid", "an unknown node")
             with self._deciding:
@@ -154,9 +160,12 @@ class Observed:
     def _decoder(self, found: Definition) -> Decoder:
         stamp = stamp_reader(found.type, self._path)
         read = reader(found.type, self._fields, found.lookup)
+        stamps = (self._path,) if self._path else USUAL_STAMPS
+        wanted = None if self._fields is None else (*self._fields, *stamps)
+        screened = screener(found.type, wanted, found.lookup, self._frame)
         name = f"{found.type._type}"  # noqa: SLF001 - genpy's own interface
         unread = not_there(name, lacking(found.type, self._reads, found.lookup))
-        return Decoder(found, read, stamp, unread, idle=stamp is None and self._fields == [])
+        return Decoder(found, screened, read, stamp, unread, idle=stamp is None and self._fields == [])
 
 
 def header_of(message: rospy.AnyMsg) -> Header:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Optional
 
 from oracle_adapter import Board, Link, Names
 from oracle_adapter.clocks import Clocks
@@ -21,3 +22,5 @@ class Shared:
     now: Now
     graph: Graph
     clocks: Clocks
+    frame: Optional[int] = None
+    """How large an event may be (bytes); None where nothing limits it, as in a log."""

@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 
 from oracle_ros1.codec import attribute
 
-_DEFAULTS = ("header.stamp", "stamp")
+USUAL_STAMPS = ("header.stamp", "stamp")
 
 Now = Callable[[], Optional[int]]
 
@@ -22,7 +22,7 @@ def stamp_reader(message_type: Any, path: Optional[str]) -> Optional[Callable[[A
 
     A number counts as seconds. None where the type has no time there: ROS 1 carries no publication time of its own.
     """
-    for place in (path,) if path else _DEFAULTS:
+    for place in (path,) if path else USUAL_STAMPS:
         names = place.split(".")
         found = _at(message_type(), names)
         if isinstance(found, genpy.Time):

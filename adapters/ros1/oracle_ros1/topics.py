@@ -29,7 +29,7 @@ class LoggedTopic:
     bypass = ""
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
-        self._link, self._observed = shared.link, Observed(topic.first, shared.now)
+        self._link, self._observed = shared.link, Observed(topic.first, shared.now, shared.frame)
         self.streams = [self._observed]
         self._graph, name = shared.graph, rospy.resolve_name(shared.names[topic.name])
         self._has_monitors, self._doubt = name in map(rospy.resolve_name, OWN), ""
@@ -83,7 +83,8 @@ class FilteredTopic:
 
     def __init__(self, shared: Shared, topic: Interface) -> None:
         stream = topic.first
-        self._link, self._graph, self._observed = shared.link, shared.graph, Observed(stream, shared.now)
+        self._link, self._graph = shared.link, shared.graph
+        self._observed = Observed(stream, shared.now, shared.frame)
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
