@@ -18,16 +18,17 @@ def read(*words: str) -> tuple[dict[str, object], list[str]]:
 
 
 def completed(
-    words: list[str], parameters: Mapping[str, object], monkeypatch: pytest.MonkeyPatch
+    words: list[str], parameters: Mapping[str, object], monkeypatch: pytest.MonkeyPatch, taken: list[str] | None = None
 ) -> tuple[object, int]:
-    """The options by the command line and by parameters, and how many of these were not taken."""
+    """The options by the command line and by parameters, and how many of these were not taken; the rest is `taken`."""
+    taken = [] if taken is None else taken
     ros = SimpleNamespace(
         get_param=lambda name, default: parameters.get(name.strip("~"), default), resolve_name=lambda name: name
     )
     monkeypatch.setattr(options, "rospy", ros)
     told: list[str] = []
     found, _ = options.read_options(["oracle_ros1", *words], "")
-    options.complete(found, told.append)
+    options.complete(found, told.append, taken.append)
     return found, len(told)
 
 
@@ -78,6 +79,17 @@ def test_a_namespace_of_the_robots_that_is_called_as_an_option_is_none(monkeypat
     parameters = {"log": {"level": 3}, "session": 7, "spec": "g", "monitor": "uav1"}
     found, told = completed([], parameters, monkeypatch)
     assert (found.log, found.session, found.spec, told) == (None, "7", "g", 0)  # type: ignore[attr-defined]
+
+
+def test_it_is_told_which_parameters_are_taken_as_they_may_be_the_robots_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[str] = []
+    completed(["--spec", "g"], {"namespace": "/drone", "spec": "h", "token": "secret"}, monkeypatch, taken)
+    assert taken == ["options by parameters: ~namespace = /drone, ~token"]
+    with pytest.raises(ValueError, match="--log asks no oracle"):
+        completed([], {**LOG, "spec": "g"}, monkeypatch, taken)
+    assert taken[1:] == ["options by parameters: ~log = x.jsonl, ~spec = g, ~streams = s.json"]
+    completed(["--spec", "g"], {}, monkeypatch, taken)
+    assert len(taken) == 2
 
 
 def test_parameters_that_contradict_each_other_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,7 +98,7 @@ def _do(options: argparse.Namespace, stopping: Stopping) -> int:
         if options.dump_graph:
             sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
             return 0
-        complete(options, rospy.logwarn)
+        complete(options, rospy.logwarn, rospy.loginfo)
         tell_unknown_address()
         simulated = bool(rospy.get_param("/use_sim_time", False))
         board = Board(options.monitor, Screen(options.monitor))

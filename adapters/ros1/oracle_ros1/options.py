@@ -50,13 +50,15 @@ def read_options(arguments: Sequence[str], description: Optional[str]) -> Tuple[
     return found, [word for word in for_ros if word.partition(":=")[0] not in known]
 
 
-def complete(options: argparse.Namespace, warn: Callable[[str], None]) -> None:
+def complete(options: argparse.Namespace, warn: Callable[[str], None], tell: Callable[[str], None]) -> None:
     """Take what the command line does not give from a private parameter, or by default.
 
     A parameter may be left from an earlier run: one that would send events elsewhere than the command line says is
-    not taken, and told. Raises ValueError where parameters contradict each other.
+    not taken, which `warn` is told. Or it may be the robot's own: `tell` gets which are taken. Raises
+    ValueError where parameters contradict each other.
     """
     given = frozenset(name for name, value in vars(options).items() if value is not None)
+    taken: List[str] = []
     others: FrozenSet[str] = next((others for names, others in _OTHERS if names & given), frozenset())
     for name in vars(options).keys() - given:
         found = _as_text(rospy.get_param(f"~{name}", ""))
@@ -64,6 +66,9 @@ def complete(options: argparse.Namespace, warn: Callable[[str], None]) -> None:
             warn(f"the parameter {rospy.resolve_name(f'~{name}')} is not taken: the command line says otherwise")
         elif found:
             setattr(options, name, found)
+            taken.append(rospy.resolve_name(f"~{name}") + ("" if name == "token" else f" = {found}"))
+    if taken:
+        tell(f"options by parameters: {', '.join(sorted(taken))}")
     demand_one_oracle(options)
     for name, value in vars(options).items():
         if value is None:
