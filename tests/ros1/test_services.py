@@ -71,6 +71,12 @@ class CallingTorn(SetBool):  # type: ignore[misc]
     _request_class = Torn
 
 
+class Older(SetBool):  # type: ignore[misc]
+    """The same by another definition."""
+
+    _md5sum = "0" * 32
+
+
 ANSWERS = chain([TornAnswer()], repeat(SetBoolResponse(success=True)))
 
 
@@ -112,6 +118,33 @@ def test_what_cannot_be_read_is_an_error_at_the_client_and_lost(tmp_path: Path) 
         assert counters["steps"] == 3
         adapter.ends_well()
         assert "Traceback" not in adapter.log
+
+
+def test_who_calls_by_another_definition_is_told(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", answer_in_latin)
+        _, error = caller.call(Older, "/switch_mon", SetBoolRequest(data=True))
+        assert "md5sums do not match" in str(error)
+        adapter.said(
+            "/switch: /peer1 calls /switch_mon by another type than std_srvs/SetBool, or another definition of it "
+            "than is installed here: it gets an error"
+        )
+        assert panel.reached("/switch") == []
+        adapter.said("/switch: recovered")
+        adapter.ends_well()
+
+
+def test_a_server_of_another_definition_is_told(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(Older, "/switch", answer_in_latin)
+        _, error = caller.call(SetBool, "/switch_mon", SetBoolRequest(data=True))
+        assert "md5sums do not match" in str(error)
+        adapter.said("/switch: a call of /switch does not come through: unable to connect to service: ")
+        [told] = scene.server.events("s")
+        assert (told["kind"], told["passed"]) == ("request", True)
+        adapter.ends_well()
 
 
 def test_a_time_that_its_type_does_not_have_is_told(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Callable
 TOLD_WITHIN = 1.0
 """Seconds in which an event of the same stream may tell it; later one of any stream does."""
 SHOWN = 10.0
-"""Seconds for which it is told that a request, or a response, can't be read."""
+"""Seconds for which it is told that something did not work, as to read a request."""
 
 
 class Unread:
@@ -39,19 +39,39 @@ class Unread:
         return self.take() if self._clock() - self._since >= TOLD_WITHIN else 0
 
 
+class Recent:
+    """Why something does not work that is tried now and then; for any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._why, self._at = "", 0.0
+
+    def add(self, why: str) -> None:
+        """It did not work just now."""
+        with self._lock:
+            self._why, self._at = self._why or why, time.monotonic()
+
+    def look(self) -> str:
+        """Why it did not at first; empty once the last time was `SHOWN` seconds ago."""
+        with self._lock:
+            if self._why and time.monotonic() - self._at >= SHOWN:
+                self._why = ""
+            return self._why
+
+
 class Unreadable:
     """What could not be read on one side of a service; for any thread, as calls have their own."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._why, self._at = "", 0.0
+        self._recent = Recent()
         self.unread = Unread()
 
     def add(self, why: str) -> None:
         """Count one, and why it could not be."""
         with self._lock:
             self.unread.add()
-            self._why, self._at = self._why or why, time.monotonic()
+        self._recent.add(why)
 
     def take(self) -> int:
         """All that nothing has told yet, to be told with an event of this side."""
@@ -65,7 +85,4 @@ class Unreadable:
 
     def look(self) -> str:
         """Why the first one could not be read; empty once the last one was `SHOWN` seconds ago."""
-        with self._lock:
-            if self._why and time.monotonic() - self._at >= SHOWN:
-                self._why = ""
-            return self._why
+        return self._recent.look()

@@ -23,7 +23,7 @@ try:
 
     from oracle_ros1.codec import CodecError
     from oracle_ros1.graph import dump_graph, log_without_master
-    from oracle_ros1.handshakes import hear_each_by_itself, tell_unknown_address
+    from oracle_ros1.handshakes import hear_each_by_itself, note_refused_callers, tell_unknown_address
     from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
     from oracle_ros1.nodename import no_master, taken
     from oracle_ros1.options import complete, read_options
@@ -48,6 +48,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     options, for_ros = read_options(sys.argv if arguments is None else arguments, __doc__)
     stopping = Stopping()
     hear_each_by_itself()
+    note_refused_callers()
     with stopping.asking_master():  # there may be none yet, and there is nothing to end
         why = no_master() or ("" if options.dump_graph else taken(_node_name(options), for_ros, _say))
         if why:

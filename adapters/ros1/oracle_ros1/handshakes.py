@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import socket
 import threading
+from collections import defaultdict
 from contextlib import suppress
-from typing import Any, Callable
+from typing import Any, Callable, DefaultDict, Mapping
 from urllib.parse import urlsplit
 
 import rospy
+from oracle_adapter.unread import Recent
+from rospy.impl import tcpros_service
 from rospy.impl.tcpros_base import TCPROSServer
 
 SAID_WITHIN = 10.0
 """Seconds that one may take to say its header."""
 
 Answer = Callable[[Any, socket.socket, Any], None]
+MISCALLED: DefaultDict[str, Recent] = defaultdict(Recent)
+"""Who could not call a service of this node's, by its name: rospy tells it the caller alone."""
 
 
 def hear_each_by_itself() -> None:
@@ -29,6 +34,24 @@ def hear_each_by_itself() -> None:
         threading.Thread(target=_hear, args=(answer, server, connection, address), daemon=True).start()
 
     TCPROSServer._tcp_server_callback = take  # noqa: SLF001
+
+
+def note_refused_callers() -> None:
+    """Have it noted in `MISCALLED` who calls by another definition; to be called before there is a node."""
+    answer = tcpros_service.service_connection_handler
+
+    def handle(connection: socket.socket, address: Any, header: Mapping[str, str]) -> Any:
+        why = answer(connection, address, header)
+        service = tcpros_service.get_service_manager().get_service(header.get("service"))
+        if why and service and header.get("md5sum", "") not in ("", service.service_class._md5sum):  # noqa: SLF001
+            caller, kind = header.get("callerid"), service.service_class._type  # noqa: SLF001 - genpy's own interface
+            MISCALLED[service.resolved_name].add(
+                f"{caller} calls {service.resolved_name} by another type than {kind}, or another definition of it than "
+                "is installed here: it gets an error"
+            )
+        return why
+
+    tcpros_service.service_connection_handler = handle
 
 
 def tell_unknown_address() -> None:

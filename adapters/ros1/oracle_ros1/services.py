@@ -10,13 +10,17 @@ from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
-from oracle_adapter.unread import Unreadable
+from oracle_adapter.unread import Recent, Unreadable
 
 from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
+from oracle_ros1.handshakes import MISCALLED
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import misplaced, stamp_reader
 from oracle_ros1.unserved import UnservedService
+
+_UNCONNECTED = "unable to connect to service"
+"""How rospy's error begins where nobody answers, or who serves it has another definition of its type."""
 
 
 def _as_sent(service_type: Any) -> Any:
@@ -66,6 +70,7 @@ class ProxiedService:
         self._stopped = False
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
         self._unserved = UnservedService(shared.graph, self._served)
+        self._unreached = Recent()
         self._service = rospy.Service(self._proxy, self._type, self._serve)
 
     def look(self) -> str:
@@ -73,7 +78,8 @@ class ProxiedService:
         self.bypass = self._graph.not_serving(self._proxy)
         self.doubt = self._unserved.look()
         self._link.lost(sum(side.unreadable.overdue() for side in (self._request, self._response)))
-        return "; ".join(filter(None, (self.bypass, *self._request.troubles(), *self._response.troubles())))
+        calls = MISCALLED[rospy.resolve_name(self._proxy)].look(), self._unreached.look()
+        return "; ".join(filter(None, (self.bypass, *calls, *self._request.troubles(), *self._response.troubles())))
 
     def stop(self) -> None:
         """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has."""
@@ -87,7 +93,12 @@ class ProxiedService:
         self._demand_serving()
         call = next(self._calls)
         self._judge(self._request, request, call)
-        response = rospy.ServiceProxy(self._served, self._type)(request)
+        try:
+            response = rospy.ServiceProxy(self._served, self._type)(request)
+        except rospy.ServiceException as error:
+            if str(error).startswith(_UNCONNECTED):
+                self._unreached.add(f"a call of {rospy.resolve_name(self._served)} does not come through: {error}")
+            raise
         self._judge(self._response, response, call)
         return response
 
