@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import threading
 from typing import TYPE_CHECKING, Any, Callable, Sequence, TypeVar
@@ -33,11 +34,21 @@ def run(arguments: Sequence[str], stopping: threading.Event) -> int:
     """Run until `stopping` is set; 0 after a clean stop, 2 where it can't start or the server refused."""
     own, for_ros = _split(arguments)
     options = _parse(own)
+    _see_all()
     _started(lambda: rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO))
     try:
         return _dump_graph(stopping) if options.dump_graph else _attach(options, stopping)
     finally:
         rclpy.try_shutdown()
+
+
+def _see_all() -> None:
+    """Have a discovery server of Fast DDS tell who else publishes what this node does, and calls what it serves.
+
+    It tells its usual clients only of those that they exchange messages with.
+    """
+    if os.environ.get("ROS_DISCOVERY_SERVER"):
+        os.environ["ROS_SUPER_CLIENT"] = "TRUE"
 
 
 def _started(make: Callable[[], T]) -> T:

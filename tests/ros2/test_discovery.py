@@ -1,0 +1,65 @@
+"""The adapter where nodes find each other by a discovery server of Fast DDS, as on a TurtleBot 4."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from tests.processes import held_port
+from tests.robot import spec_folder
+from tests.ros2.harness import Scene
+
+msg = pytest.importorskip("std_msgs.msg")
+
+# rclpy imports an old lark with its first node.
+pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
+
+SPEC = """
+id: speed
+streams:
+  - {topic: /speed, type: std_msgs/msg/Int64, action: filter, intercept: publisher, signals: {speed: msg.data}}
+properties:
+  - {id: slow, formula: '{speed < 10}', guards: [/speed]}
+"""
+PROFILE = """
+<profiles xmlns="http://www.eprosima.com"><participant profile_name="server" is_default_profile="true"><rtps>
+  <prefix>44.53.00.5f.45.50.52.4f.53.49.4d.41</prefix>
+  <builtin>
+    <discovery_config><discoveryProtocol>SERVER</discoveryProtocol></discovery_config>
+    <metatrafficUnicastLocatorList>
+      <locator><udpv4><address>127.0.0.1</address><port>%d</port></udpv4></locator>
+    </metatrafficUnicastLocatorList>
+  </builtin>
+</rtps></participant></profiles>
+"""
+SERVER = """
+import os, sys
+os.environ["FASTDDS_DEFAULT_PROFILES_FILE"] = sys.argv[1]
+del os.environ["ROS_DISCOVERY_SERVER"]
+import rclpy
+rclpy.init()
+rclpy.spin(rclpy.create_node("discovery"))
+"""
+
+
+@pytest.mark.parametrize("super_client", ["", "False"])
+def test_who_publishes_past_the_monitor_is_told_by_a_discovery_server(
+    super_client: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene, ExitStack() as stack:
+        port = held_port(stack)  # of TCP; that of UDP of this number is as free as any
+        profile = tmp_path / "server.xml"
+        profile.write_text(PROFILE % port)
+        monkeypatch.setenv("ROS_DISCOVERY_SERVER", f"127.0.0.1:{port}")
+        monkeypatch.setenv("ROS_SUPER_CLIENT", super_client)
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
+        scene.run("discovery", sys.executable, "-c", SERVER, profile)
+        adapter, base, rogue = scene.adapter("speed"), scene.peer("base"), scene.peer("rogue")
+        heard = base.record(msg.Int64, "/speed")
+        rogue.publisher(msg.Int64, "/speed").publish(msg.Int64(data=100))
+        base.until(lambda: heard)
+        adapter.said("/speed: /rogue publishes /speed past the monitor")
+        adapter.ends_well()
