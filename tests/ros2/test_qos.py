@@ -244,6 +244,20 @@ def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:
     adapter.said("/logged: /peer publishes it as std_msgs/msg/String, not as std_msgs/msg/Int64")
 
 
+@pytest.mark.parametrize(("size", "depth"), [(20_000, 1000), (2_000_000, 100), (6_000_000, 10)])
+def test_of_large_messages_few_are_kept_for_who_hangs(size: int, depth: int, scene: Scene) -> None:
+    peer = scene.peer()
+    forwarded = republished.MatchedPublisher(peer.node, msg.String, "/large")
+    heard = peer.record(msg.String, "/large", profile())
+    peer.until(lambda: peer.node.count_publishers("/large") == 1)
+    for text in ("a" * size, "b"):
+        forwarded.publish(bytes(serialization.serialize_message(msg.String(data=text))))
+        eventually(lambda: forwarded.look([profile()]), lambda _: forwarded._publishers[0].qos_profile.depth == depth)
+    peer.until(lambda: len(heard) == 2)
+    assert [len(said.data) for said in heard] == [size, 1]
+    forwarded.stop()
+
+
 @pytest.mark.parametrize(
     ("offered", "heard", "forwarded"),
     [

@@ -23,6 +23,8 @@ NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 DEPTH = 1000
+ROOM = 2**28
+"""Bytes that a publisher keeps for who is slow, at the most, unless ten messages are larger."""
 FOREVER = 2**62  # ns; the graph has a larger number where there is no end
 
 
@@ -33,16 +35,22 @@ def to_request(offered: Sequence[QoSProfile]) -> QoSProfile:
     return _profile(DEPTH, reliable=reliable, lasting=bool(lasting))
 
 
-def to_offer(offered: Sequence[QoSProfile]) -> QoSProfile:
+def depth_for(size: int) -> int:
+    """How many messages of a size (bytes) a publisher is to keep for who is slow, or hangs."""
+    return next((depth for depth in (DEPTH, 100) if depth * size <= ROOM), 10)
+
+
+def to_offer(offered: Sequence[QoSProfile], depth: int = DEPTH) -> QoSProfile:
     """What the publishers offer, for their messages to be passed on with; of several, the most that one offers.
 
-    How many messages a publisher keeps is not on the graph: of one that keeps some, one is kept.
+    How many messages a publisher keeps is not on the graph: of one that keeps some for those who come later, one is
+    kept; else `depth` for those who are slow.
     """
     reliable = not offered or any(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
     lasting = any(lasts(profile) for profile in offered)
     times = [_times(profile) for profile in offered]
     common = times[0] if times and all(other == times[0] for other in times) else {}
-    return _profile(1 if lasting else DEPTH, reliable=reliable, lasting=lasting, **common)
+    return _profile(1 if lasting else depth, reliable=reliable, lasting=lasting, **common)
 
 
 def lasts(profile: QoSProfile) -> bool:

@@ -11,7 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
 from oracle_ros2.endpoints import MATCHING, definition_of, full_name
-from oracle_ros2.qos import NO_EVENTS, lasts, misfit, same, to_offer
+from oracle_ros2.qos import NO_EVENTS, depth_for, lasts, misfit, same, to_offer
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -38,6 +38,7 @@ class MatchedPublisher:
         """Whether the middleware tells the sources of messages."""
         self._kept: dict[Any, deque[Any]] = {}  # what publishers keep that last; who published last comes last
         self._retired: list[Any] = []
+        self._largest = 0  # of the messages so far (bytes)
         self._changed = 0.0  # when the next ones were made, or took over (s)
         self._held: list[tuple[Any, str]] | None = None  # what waits for the next ones
         self._held_since = 0.0
@@ -45,6 +46,8 @@ class MatchedPublisher:
     def publish(self, message: Any, source: str = "") -> bool:
         """Pass a message of a source on, from any thread; False after `stop`."""
         with self._giving:
+            if isinstance(message, bytes):
+                self._largest = max(self._largest, len(message))
             if self._held is not None and not self._stays(source):
                 self._held.append((message, source))
             elif self._publishers:
@@ -81,7 +84,7 @@ class MatchedPublisher:
         """
         if not originals:
             return
-        wanted, offered = to_offer(originals), self._next[0].qos_profile
+        wanted, offered = to_offer(originals, depth_for(self._largest)), self._next[0].qos_profile
         changing = self._next is not self._publishers
         count = max(1, len(sources)) if lasts(wanted) else 1
         with self._giving:
