@@ -11,7 +11,7 @@ from oracle_ros1.actionmessages import ActionTypes
 from oracle_ros1.actions import Take, connected, subscribed
 from oracle_ros1.codec import CodecError
 from oracle_ros1.observed import Header, deafen, header_of, headers
-from oracle_ros1.topics import DEPTH
+from oracle_ros1.slow import DEPTH
 
 TO_SERVER = ("goal", "cancel")
 TO_CLIENT = ("feedback", "result", "status")

@@ -18,9 +18,8 @@ from oracle_adapter.unpublished import Unpublished
 from oracle_ros1.latches import Latches, latching
 from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, headers
 from oracle_ros1.shared import Shared
+from oracle_ros1.slow import DEPTH, keep_room
 from oracle_ros1.unheard import Ungiven, Unheard
-
-DEPTH = 1000  # messages that wait for a slow subscriber
 
 
 class LoggedTopic:
@@ -201,5 +200,6 @@ class FilteredTopic:
                 self._publisher.publish(message)
             except rospy.ROSException:  # ROS is shut down, as by `rosnode kill`
                 return False
+            keep_room(self._publisher, len(message._buff))  # noqa: SLF001 - rospy's own interface
             self._latches.passed(message)
             return True
