@@ -57,7 +57,7 @@ def test_the_action_gives_its_inputs_to_the_script() -> None:
     given = {name: re.fullmatch(r"\$\{\{ inputs\.([\w-]+) \}\}", text) for name, text in run["env"].items()}
     assert {name.lower() for name in given} == {match[1] for match in given.values() if match}
     assert {name.lower() for name in given} == ACTION["inputs"].keys() - {"python-version"}
-    assert all(f"${{{name}:-" in SCRIPT.read_text(encoding="utf-8") for name in given)
+    assert all(f'"{name}"' in SCRIPT.read_text(encoding="utf-8") for name in given)
 
 
 def test_a_fault_is_marked_at_the_property_of_the_spec(folder: Path) -> None:
@@ -68,6 +68,25 @@ def test_a_fault_is_marked_at_the_property_of_the_spec(folder: Path) -> None:
     assert marks[0].startswith(
         "::error file=a spec.yaml,line=9,col=9::bags/2_fault.jsonl: slow: violated once in 1 episode, first at"
     )
+
+
+@pytest.mark.parametrize("pattern", ["bags/**/*.jsonl", "**/2_*.jsonl"])
+def test_a_fault_in_a_folder_below_is_found(folder: Path, pattern: str) -> None:
+    """Of two stars a shell makes one unless it is told otherwise: deeper recordings were passed over in a green job."""
+    deep = folder / "bags" / "monday" / "run 1"
+    deep.mkdir(parents=True)
+    (folder / "bags" / "2_fault.jsonl").rename(deep / "2_fault.jsonl")
+    judged = judge(folder, specs="a spec.yaml\n", recordings=f"{pattern}\n")
+    assert judged.returncode == 1, judged.stderr
+    assert "::bags/monday/run 1/2_fault.jsonl: slow: violated once" in judged.stdout
+
+
+def test_a_pattern_that_nothing_matches_fails(folder: Path) -> None:
+    judged = judge(folder, specs="a spec.yaml", recordings="bags/*.jsonl\nbags/*.mcap")
+    assert judged.returncode == 1
+    none = judge(folder, specs="a spec.yaml", recordings="bags/*.mcap")
+    assert none.returncode == 2
+    assert "::error::bags/*.mcap could not be judged" in none.stdout
 
 
 def test_a_recording_of_something_else_fails(folder: Path) -> None:
