@@ -140,7 +140,7 @@ def _reason(error: Exception) -> str:
     if isinstance(error, ModuleNotFoundError) and error.name in _POSIX:
         return "this needs Linux or macOS; `check`, `replay` and what reads a running server work here, too"
     if usage is not None:
-        return str(usage())
+        return " ".join(str(usage()).replace("Value error, ", "").split())  # a choice is in several lines, with tabs
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename is not None else "can't go on: "
         return f"{where}{error.strerror or error}"

@@ -334,7 +334,7 @@ def test_reading_a_server_that_is_not_there(command: list[str]) -> None:
 
 def test_a_command_loads_only_what_it_needs() -> None:
     """Help, and a word that is mistyped, wait for no engine and no server."""
-    program = "import sys, oracle_server.cli; print(*sys.modules)"
+    program = "import sys, oracle_server.cli.commands; print(*sys.modules)"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
     loaded = set(ended.stdout.split())
     assert "oracle_server.cli.commands" in loaded
@@ -344,3 +344,9 @@ def test_a_command_loads_only_what_it_needs() -> None:
 def test_commands_that_are_none() -> None:
     assert "nonsense" in failed("nonsense")
     assert "SPEC" in failed("check")
+
+
+def test_a_choice_that_is_none_is_told_in_one_line() -> None:
+    """The library's own text has tabs, and words of another library."""
+    assert failed("token", "add", "uav1").endswith("Missing option '--scope'. Choose from: submit, read, admin")
+    assert "for '--format': 'xml' is not one of 'text', " in failed("check", "--format", "xml", SPEC)
