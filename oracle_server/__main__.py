@@ -1,5 +1,5 @@
 """`python -m oracle_server` is `oracle-server`."""
 
-from oracle_server.cli.commands import main
+from oracle_server.cli import main
 
 main()

@@ -176,7 +176,7 @@ if __name__ == "__main__":
 
     for name in IMPORTED:
         importlib.import_module(name)
-    from oracle_server.cli import main
+    from oracle_server.cli.commands import main
     from oracle_server.core.formula.parse import parse_formula
 
     parse_formula("{a: 1}", "steps")  # a parser takes long to make

@@ -31,6 +31,17 @@ command.run_replay = run_replay
 sys.argv[0] = "oracle-server"
 main()
 """
+STARTING = """
+import sys
+class CtrlC:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, CtrlC())
+from oracle_server.cli import main
+main()
+"""
+"""The command, which is ended by Ctrl-C while it reads its modules."""
 
 
 @pytest.mark.parametrize("command", REPORTS, ids=lambda words: "-".join(str(word).rpartition("/")[2] for word in words))
@@ -66,6 +77,12 @@ def test_a_defect_is_told_as_one_and_is_no_violation(shown: bool) -> None:
     (line,) = ended.stderr.splitlines()
     assert line.startswith("oracle-server: a defect of oracle-server, please report it: TypeError: two lines (")
     assert ended.returncode == 2
+
+
+def test_ctrl_c_while_the_modules_are_read_is_no_traceback() -> None:
+    """That takes some tenths of a second, and more on a robot."""
+    ended = subprocess.run([sys.executable, "-c", STARTING], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
 
 def test_traces_that_were_put_together_are_refused(tmp_path: Path) -> None:
