@@ -19,7 +19,7 @@ import httpx
 
 from oracle_server.core.errors import OracleError
 from oracle_server.process.notify import READY, STATUS, VARIABLE
-from oracle_server.process.pidfile import Running, running
+from oracle_server.process.pidfile import Running, is_held_by, running
 from oracle_server.process.settings import Settings
 
 LOG = "server.log"
@@ -100,6 +100,11 @@ def stop(folder: Path, within: float) -> None:
         return
     if server.embedded:
         raise DaemonError(_adapters(folder, server))
+    if not is_held_by(folder, server.pid):
+        raise DaemonError(
+            f"{folder}: its server is no process here, as where it runs in a container (pid {server.pid} there): stop "
+            "it where it was started"
+        )
     try:
         os.kill(server.pid, signal.SIGTERM)
     except OSError as error:

@@ -117,6 +117,27 @@ def running(folder: Path) -> Running | None:
     return None
 
 
+def is_held_by(folder: Path, pid: int) -> bool:
+    """Whether the process that has a number here may be the server of a data directory: it has its pid file open.
+
+    A server in a container has numbers of its own, which name other processes elsewhere.
+    """
+    try:
+        mine = (folder / NAME).stat()
+        return any(_is_same(each, mine) for each in Path(f"/proc/{pid}/fd").iterdir())
+    except PermissionError:  # another user's, or one that nobody may look at
+        return True
+    except FileNotFoundError:
+        return False
+
+
+def _is_same(path: Path, file: os.stat_result) -> bool:
+    try:
+        return os.path.samestat(path.stat(), file)
+    except FileNotFoundError:  # it was closed meanwhile
+        return False
+
+
 def _is_locked(file: IO[str]) -> bool:
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import socket
+import subprocess
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from inspect import signature
@@ -15,7 +16,7 @@ import pytest
 
 from oracle_server.cli import serving
 from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
-from oracle_server.process.pidfile import running
+from oracle_server.process.pidfile import NAME, PidFile, running
 from oracle_server.process.settings import Settings
 from tests.whole.conftest import copy_specs
 from tests.whole.harness import PATIENCE, Server, failed, run
@@ -112,6 +113,19 @@ def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: 
     assert run("status", "--data-dir", data).returncode == 3
     assert run("stop", "--data-dir", data).returncode == 0
     start(data, specs)
+
+
+def test_who_has_the_number_here_of_a_server_elsewhere_is_not_ended(data: Path) -> None:
+    """In a container processes have numbers of their own; its volume is seen from outside."""
+    with subprocess.Popen(["sleep", "1h"]) as bystander:
+        server = PidFile(data)
+        (data / NAME).write_text(f"{bystander.pid}\nhttp://127.0.0.1:1\n")
+        told = failed("stop", "--data-dir", data)
+        server.release()
+        ended = bystander.poll()
+        bystander.kill()
+    assert ended is None
+    assert f"(pid {bystander.pid} there): stop it where it was started" in told
 
 
 def test_it_tells_that_it_has_no_spec_or_one_that_is_unsound(data: Path, tmp_path: Path) -> None:
