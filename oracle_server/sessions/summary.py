@@ -35,8 +35,18 @@ def summary(state: Document) -> Document:
 
 
 def changed(before: Document, now: Document) -> Document:
-    """The keys of a summary that are not as they were before, of lists the rows that are not."""
-    return {key: _news(key, before, value) for key, value in now.items() if key not in before or before[key] != value}
+    """The keys of a summary that are not as they were before, of lists the rows that are not; those that are `gone`."""
+    news = {key: _news(key, before, value) for key, value in now.items() if key not in before or before[key] != value}
+    gone = {key: rows for key in _ROWS if key in news and (rows := _gone(key, before, now))}
+    return news | ({"gone": gone} if gone else {})
+
+
+def _gone(key: str, before: Document, now: Document) -> list[Document]:
+    """What tells the rows apart that are not there any more."""
+    names = _ROWS[key]
+    there = {tuple(row[name] for name in names) for row in now[key]}
+    known = [tuple(row[name] for name in names) for row in before.get(key, ())]
+    return [dict(zip(names, each, strict=True)) for each in known if each not in there]
 
 
 def _news(key: str, before: Document, value: Any) -> Any:

@@ -39,6 +39,18 @@ def test_rows_that_have_not_changed_are_left_out() -> None:
     assert changed({}, now) == now, "all at first"
 
 
+async def test_rows_that_are_not_there_any_more_are_told(tmp_path: Path) -> None:
+    sessions = registry(MemoryHistory(), tmp_path, GUARD)
+    live, monitor = await sessions.attach(attach("s", "guard"), Kept())
+    live.ingest(monitor, event(1, speed=1))
+    before = summary(session_state(live, live.clock.now()))
+    ((name, stream, kind),) = [(row["monitor"], row["stream"], row["kind"]) for row in before["streams"]]
+    live.detach(monitor)
+    after = summary(session_state(live, live.clock.now()))
+    assert after["streams"] == []
+    assert changed(before, after)["gone"] == {"streams": [{"monitor": name, "stream": stream, "kind": kind}]}
+
+
 async def test_who_was_told_much_is_told_the_next_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sessions = registry(MemoryHistory(), tmp_path, GUARD)
     live, _ = await sessions.attach(attach("s", "guard"), Kept())
