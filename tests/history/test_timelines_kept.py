@@ -132,6 +132,29 @@ async def test_what_an_older_version_wrote_is_told_once_it_is_made(tmp_path: Pat
     await asyncio.to_thread(history.close)
 
 
+async def test_what_an_older_version_wrote_is_made_once_the_database_can_be_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history = await begun(tmp_path)
+    history.open_session(opened())
+    await add(history, *steps(64))
+    await asyncio.to_thread(history.close)
+    history = await begun(tmp_path)
+    rest = asyncio.sleep
+    with closing(sqlite3.connect(history.path, isolation_level=None)) as database:
+        database.execute("DELETE FROM blocks")
+        database.execute("ALTER TABLE blocks RENAME TO away")
+
+        async def back(_: float) -> None:
+            monkeypatch.setattr(asyncio, "sleep", rest)
+            database.execute("ALTER TABLE away RENAME TO blocks")
+
+        monkeypatch.setattr(asyncio, "sleep", back)
+        await history.catch_up()
+        assert database.execute("SELECT count(*) FROM blocks WHERE level = 0").fetchone() == (2,)
+    await asyncio.to_thread(history.close)
+
+
 async def test_a_restart_goes_on_with_its_blocks(tmp_path: Path) -> None:
     first = 1
     for count in (5, 100, 31, 1, 700):

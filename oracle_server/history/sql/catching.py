@@ -15,18 +15,27 @@ from oracle_server.history.sql.writer import Writer
 
 _PAUSE = 0.05
 """Seconds between two turns: the writer has others to serve."""
+_RETRY = 30.0
+"""Seconds until it is tried again where the database can't be read."""
 
 log = structlog.get_logger()
 
 
 async def catch_up(reader: Reader, writer: Writer) -> None:
-    """Have the writer make all blocks that are missing, those of the newest sessions first."""
-    try:
-        for session in await reader.run(_behind):
-            log.info("the timeline of a session is being made", session=session)
-            await _catch_up_one(reader, writer, session)
-    except HistoryError as error:
-        log.error("timelines can't be made now; they are with the next start", reason=str(error))
+    """Have the writer make all blocks that are missing, those of the newest sessions first, and try again."""
+    failing = False
+    while True:
+        try:
+            for session in await reader.run(_behind):
+                log.info("the timeline of a session is being made", session=session)
+                await _catch_up_one(reader, writer, session)
+        except HistoryError as error:
+            if not failing:
+                log.warning("timelines of older sessions can't be made now; it is tried again", reason=str(error))
+            failing = True
+            await asyncio.sleep(_RETRY)
+        else:
+            return
 
 
 async def _catch_up_one(reader: Reader, writer: Writer, session: int) -> None:
