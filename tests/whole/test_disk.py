@@ -9,6 +9,8 @@ import signal
 import sqlite3
 from collections.abc import Iterator
 
+import httpx
+import pytest
 from oracle_adapter import Link, LinkError
 
 from tests.whole.client import attached, connected, make_attach, make_clock, make_event, monitors, seqs
@@ -41,6 +43,21 @@ async def test_nothing_is_acked_or_lost_while_the_history_can_not_be_written(sta
         await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
     assert seqs(server, "s") == [1, 2]
     assert server.get("sessions/s")["trouble"] is None
+
+
+async def test_a_download_that_can_not_go_on_is_cut_off_and_told_in_a_line_of_the_log(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_event(1, data={"v": 1}))
+        await monitor.acked(1)
+    with contextlib.closing(sqlite3.connect(server.data / "history.sqlite", isolation_level=None)) as database:
+        database.execute("ALTER TABLE steps RENAME TO away")
+        with pytest.raises(httpx.RemoteProtocolError, match="without sending complete message body"):
+            server.http.get("/api/v1/sessions/s/trace")
+        server.said(r"an answer was cut off: the history can't be read: .*no such table")
+        database.execute("ALTER TABLE away RENAME TO steps")
+    server.check_log()
+    assert len(server.http.get("/api/v1/sessions/s/trace").text.splitlines()) == 1
 
 
 async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(start: Starts) -> None:
