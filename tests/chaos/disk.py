@@ -42,3 +42,18 @@ def small_disk(folder: Path) -> Iterator[Disk]:
         yield Disk(folder, fill, ballast.unlink)
     finally:
         subprocess.run(["umount", folder], check=True)
+
+
+@contextmanager
+def read_only(folder: Path) -> Iterator[Path]:
+    """A folder seen through a mount beside it that is read-only. Raises `Unmountable`."""
+    seen = folder.with_name(f"{folder.name}-read-only")
+    seen.mkdir()
+    commands = (["mount", "--bind", str(folder), str(seen)], ["mount", "-o", "remount,ro,bind", str(seen)])
+    if any(subprocess.run(command, capture_output=True, check=False).returncode for command in commands):
+        subprocess.run(["umount", seen], capture_output=True, check=False)
+        raise Unmountable("a folder can't be mounted read-only here")
+    try:
+        yield seen
+    finally:
+        subprocess.run(["umount", seen], check=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import sqlite3
 import subprocess
 import sys
@@ -268,23 +267,6 @@ def test_what_can_not_be_copied_is_refused(make: Refused, why: str, postgres: Po
     with pytest.raises(OracleError, match=why):
         run.copy_history(source, target)
     assert (tmp_path / "history.sqlite").read_bytes() == before
-
-
-def test_a_history_on_a_card_that_is_mounted_read_only_is_copied(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """It was refused, since no file could be locked there: but no server can use it, either."""
-    card = tmp_path / "card"
-    card.mkdir()
-    SqliteHistory(card).close()
-
-    class ReadOnly:
-        f_flag = os.ST_RDONLY
-
-    monkeypatch.setattr(os, "statvfs", lambda folder: ReadOnly if folder == card else None)
-    run.copy_history(str(card), str(tmp_path / "copy.sqlite"))
-    assert "copied to" in capsys.readouterr().out
-    assert not (card / "server.pid").exists()
 
 
 async def test_what_a_server_uses_is_not_copied_and_nothing_is_copied_to_it(postgres: Postgres, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sqlite3
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
@@ -16,8 +15,9 @@ from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import VERSION
 from oracle_server.history.sql.statements import insertion
 from oracle_server.history.sqlite.history import NAME
+from oracle_server.history.sqlite.reader import connect, is_read_only
 from oracle_server.history.sqlite.store import SqliteStore
-from oracle_server.process.pidfile import PidFile
+from oracle_server.process.pidfile import PidFile, PidFileError, running
 
 
 def file_of(text: str) -> Path:
@@ -26,9 +26,17 @@ def file_of(text: str) -> Path:
     return path if path.is_file() or (path.suffix == ".sqlite" and not path.is_dir()) else path / NAME
 
 
-def _is_read_only(folder: Path) -> bool:
-    """Whether it is on a file system that is mounted so, as a robot's card in another machine."""
-    return bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
+def _held(folder: Path, *, source: bool) -> PidFile | None:
+    """The lock on a data directory, so that no server begins with it; None where none can be had, as nobody can write.
+
+    Raises `PidFileError` where a server uses it: one elsewhere can, too, where only this view of it is read-only.
+    """
+    if not (source and is_read_only(folder)):
+        return PidFile(folder)
+    server = running(folder)
+    if server is not None:
+        raise PidFileError(f"{folder}: a server uses this data directory (pid {server.pid}, where it runs); stop it")
+    return None
 
 
 class SqliteEnd:
@@ -43,12 +51,10 @@ class SqliteEnd:
         self.where = str(self._path)
         if source and not self._path.is_file():
             raise CopyError(f"{self.where}: there is no history; name a data directory, its file, or postgresql://…")
-        used = self._path.name == NAME and not (source and _is_read_only(self._path.parent))
-        self._held = PidFile(self._path.parent) if used else None  # no server uses other names, or could write there
+        self._held = _held(self._path.parent, source=source) if self._path.name == NAME else None
         try:
             with self._told():
-                uri = f"{self._path.absolute().as_uri()}?mode={'ro' if source else 'rwc'}"
-                self._database = sqlite3.connect(uri, uri=True, isolation_level=None)
+                self._database = connect(self.where) if source else sqlite3.connect(self._path, isolation_level=None)
         except BaseException:
             self._release()
             raise
