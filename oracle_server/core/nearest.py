@@ -10,6 +10,8 @@ _CLOSE = 0.1
 """How much less alike a second name may be."""
 _RENAMED = {"nsec": "nanosec", "nsecs": "nanosec", "secs": "sec"}
 """What fields of ROS 1 are called on ROS 2: other names are written more like them."""
+_PAIRS = 40_000
+"""Pairs of characters that are compared, some 20 ms at the most: of a thousand names of 60 it would be seconds."""
 
 
 def near(name: str, known: Iterable[str], alike: float = 0.65) -> list[str]:
@@ -21,9 +23,28 @@ def near(name: str, known: Iterable[str], alike: float = 0.65) -> list[str]:
     lower = name.lower()
     if _RENAMED.get(lower) in by_lower:
         return [by_lower[_RENAMED[lower]]]
-    found = difflib.get_close_matches(lower, by_lower, n=2, cutoff=alike)
-    ratios = [difflib.SequenceMatcher(None, match, lower).ratio() for match in found]
-    return [by_lower[match] for match, ratio in zip(found, ratios, strict=True) if ratio > ratios[0] - _CLOSE]
+    found = _closest(lower, by_lower, alike)
+    return [by_lower[other] for ratio, other in found if ratio > found[0][0] - _CLOSE]
+
+
+def _closest(name: str, known: Iterable[str], alike: float) -> list[tuple[float, str]]:
+    """The two names most like one, with how much so; of many that may be, those with the most characters in common."""
+    matcher = difflib.SequenceMatcher(None, "", name)
+    maybe: list[tuple[float, str]] = []
+    for other in known:
+        matcher.set_seq1(other)
+        if matcher.real_quick_ratio() >= alike and (most := matcher.quick_ratio()) >= alike:
+            maybe.append((most, other))
+    found: list[tuple[float, str]] = []
+    pairs = 0
+    for most, other in sorted(maybe, reverse=True):
+        if pairs > _PAIRS or (len(found) == 2 and most < found[1][0]):  # none that follows is more alike
+            break
+        pairs += len(name) * len(other)
+        matcher.set_seq1(other)
+        if (ratio := matcher.ratio()) >= alike:
+            found = sorted([*found, (ratio, other)], reverse=True)[:2]
+    return found
 
 
 def nearest(name: str, known: Iterable[str], alike: float = 0.65) -> str:
