@@ -109,11 +109,14 @@ class PropertyState(Counted):
     """The engine, where it tells what breaks obligations that were decided before, and has not failed."""
     _revisable: Revisable | None = field(init=False)
     """The engine, where it can take steps back and has not failed."""
+    _measuring: Measuring | None = field(init=False)
+    """The engine, where it measures and has not failed."""
 
     def __post_init__(self) -> None:
         """Find out once what its engine can do."""
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
         self._revisable = self.engine if isinstance(self.engine, Revisable) else None
+        self._measuring = self.engine if isinstance(self.engine, Measuring) else None
         self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
         prop = self.property
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
@@ -161,7 +164,7 @@ class PropertyState(Counted):
         fails = bool(failed) and not view.reads.isdisjoint(failed)
         if outcome is Outcome.UNKNOWN or fails:
             # before a formula over numbers begins nothing is missed
-            if fails or not isinstance(self.engine, Measuring) or self.engine.begun:
+            if fails or self._measuring is None or self._measuring.begun:
                 self.failures += view.observed
             self.unowed = Outcome.UNKNOWN
             if not self.unanswered:
@@ -191,9 +194,7 @@ class PropertyState(Counted):
     @builtin_property
     def pending(self) -> int | None:
         """How many obligations are open, None where it can have none."""
-        if self.owed is None:
-            return None
-        return 0 if self.outcome in FINAL else self.owed.pending
+        return None if self.owed is None else 0 if self.outcome in FINAL else self.owed.pending
 
     @builtin_property
     def breaks(self) -> bool:
@@ -323,7 +324,7 @@ class PropertyState(Counted):
         self.first_violation_at = data.get("first_violation_at")
         self.failures, self.broken = data["failures"], data["broken"]
         if self.broken is not None:
-            self._revisable = None
+            self._revisable = self._measuring = None
         self.renewed = data.get("renewed", False)
         self.stained = data.get("stained", True)
         self._goes_on = self._goes_on and (data["engine"] is not None or self.outcome not in FINAL)
@@ -335,9 +336,7 @@ class PropertyState(Counted):
     @builtin_property
     def robustness(self) -> float | None:
         """The engine's robustness at the last step; None where it was not stepped, or has none."""
-        if self.outcome in FINAL or self.broken is not None or not isinstance(self.engine, Measuring):
-            return None
-        return self.engine.robustness
+        return None if self.outcome in FINAL or self._measuring is None else self._measuring.robustness
 
     def _take_back(self, engine: Revisable) -> None:
         """Take a tick back, and count its cost."""
@@ -350,7 +349,7 @@ class PropertyState(Counted):
 
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
-        self.broken, self._revisable = reason, None
+        self.broken, self._revisable, self._measuring = reason, None, None
         self.engine, self.owed, self._guarding = Broken(self.complaint), None, None
 
     def _pass(self, passes: Callable[[], None]) -> Outcome:
