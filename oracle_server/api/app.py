@@ -81,7 +81,7 @@ def build_app(
     explainer = Explainer(history)
     app.include_router(health.router(history))
     app.include_router(specs.router(library, registry, history))
-    app.include_router(checking.router(checks))
+    app.include_router(checking.router(checks, history))
     app.include_router(sessions.router(registry, history))
     app.include_router(recordings.router(sent, registry))
     app.include_router(verdicts.router(registry, history, explainer))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
-from fastapi import APIRouter, HTTPException, Request
+from fastapi import APIRouter, HTTPException, Request, Response
 from pydantic import BaseModel, Field
 
 from oracle_server.api.leaving import text_of, unless_left
+from oracle_server.api.packing import packed_answer
 from oracle_server.api.specs import YAML
 from oracle_server.core.errors import FindingKind
 from oracle_server.core.formula.tree import Time
 from oracle_server.edge.access import demand
 from oracle_server.edge.scopes import needs
+from oracle_server.history.port import Reading
 from oracle_server.jobs.checking import Checking, CrowdedError, UncheckedError
+from oracle_server.jobs.checks import Checked
 from oracle_server.wire.incoming import Identifier
 
 
@@ -44,13 +48,13 @@ class CheckDocument(BaseModel):
     formulas: list[FormulaDocument] = Field(description="As `check --formulas` prints them; none where it is not sound")
 
 
-def router(checking: Checking) -> APIRouter:
+def router(checking: Checking, history: Reading) -> APIRouter:
     """The route that checks."""
     routes = APIRouter(prefix="/api/v1", tags=["specs"])
 
-    @routes.post("/specs/{spec_id}/check", openapi_extra=YAML)
+    @routes.post("/specs/{spec_id}/check", response_model=CheckDocument, openapi_extra=YAML)
     @needs("admin")
-    async def check_spec(spec_id: Identifier, request: Request) -> CheckDocument:
+    async def check_spec(spec_id: Identifier, request: Request) -> Response:
         """Check a text that is to be the spec of an id, as `check` does, and store nothing.
 
         It is read in a process of its own, one text at a time; 422 where it can't be checked within 20 s.
@@ -63,15 +67,20 @@ def router(checking: Checking) -> APIRouter:
             raise HTTPException(429, str(error)) from None
         except UncheckedError as error:
             raise HTTPException(422, str(error)) from None
-        sound = all(finding.severity != "error" for finding in found.findings)
-        return CheckDocument(
-            sound=sound,
-            digest=found.digest if sound else "",
-            findings=[
-                FindingDocument(line=f.line, column=f.column, message=f.message, severity=f.severity, kind=f.kind)
-                for f in found.findings
-            ],
-            formulas=[FormulaDocument(**told) for told in found.formulas],
-        )
+        return await packed_answer(request, history, partial(_encoded, found))
 
     return routes
+
+
+def _encoded(found: Checked) -> bytes:
+    sound = all(finding.severity != "error" for finding in found.findings)
+    document = CheckDocument(
+        sound=sound,
+        digest=found.digest if sound else "",
+        findings=[
+            FindingDocument(line=f.line, column=f.column, message=f.message, severity=f.severity, kind=f.kind)
+            for f in found.findings
+        ],
+        formulas=[FormulaDocument(**told) for told in found.formulas],
+    )
+    return document.model_dump_json().encode()

@@ -5,13 +5,13 @@ All their files are served from here, so that they work without another network.
 
 from __future__ import annotations
 
+import asyncio
 import re
 from base64 import b64encode
 from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import PurePath
-from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.openapi.docs import get_swagger_ui_html
@@ -19,6 +19,7 @@ from fastapi.responses import Response
 
 from oracle_server.api.packing import File
 from oracle_server.edge.scopes import needs
+from oracle_server.wire.json import encode_bytes
 
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; " + (
@@ -46,12 +47,20 @@ def router(app: FastAPI) -> APIRouter:
     _add_dashboard(routes, files("oracle_server") / "dashboard")
     _add_docs(routes, files("fastapi_offline") / "static")
 
+    described: list[File] = []
+
     @routes.get("/openapi.json")
     @needs(None)
-    async def describe() -> dict[str, Any]:
-        return app.openapi()
+    async def describe(request: Request) -> Response:
+        if not described:  # once, and in a thread: it takes some tenths of a second, in which no decision was made
+            described.append(await asyncio.to_thread(_description, app))
+        return described[0].answer(request)
 
     return routes
+
+
+def _description(app: FastAPI) -> File:
+    return File(encode_bytes(app.openapi()), "application/json", {"Cache-Control": "no-cache"})
 
 
 def _add_dashboard(routes: APIRouter, folder: Traversable) -> None:

@@ -15,7 +15,7 @@ from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
 from oracle_server.core.spec import UNREACHABLE
-from oracle_server.core.thresholds import thresholds
+from oracle_server.core.thresholds import MOST, thresholds
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.problems import unsound
 from oracle_server.edge.scopes import needs
@@ -75,7 +75,8 @@ class SpecDocument(BaseModel):
     )
     text: str | None = Field(None, description="For GET of one spec: its text")
     thresholds: list[ThresholdDocument] | None = Field(
-        None, description="For GET of one spec: the numbers that its formulas compare signals with"
+        None,
+        description=f"For GET of one spec: the numbers that its formulas compare signals with, the first {MOST:,}",
     )
     warnings: list[str] | None = Field(None, description="For PUT: the warnings of `check`")
 
@@ -119,20 +120,15 @@ def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
                 await library.in_thread(partial(library.written, spec_id)) if grant_of(request).may("admin") else None
             )
             return unsound(error, text)
-        document = _document(entry, text=entry.file.text, thresholds=_thresholds(entry))
-        answer = await packed_answer(request, history, partial(_encoded, document))
+        answer = await packed_answer(request, history, partial(_shown, entry))
         answer.headers["ETag"] = f'"{entry.tag}"'
         return answer
 
-    @routes.put(
-        "/specs/{spec_id}",
-        response_model_exclude_unset=True,
-        openapi_extra=YAML,
-    )
+    @routes.put("/specs/{spec_id}", response_model=SpecDocument, openapi_extra=YAML)
     @needs("admin")
     async def put_spec(
-        spec_id: Identifier, request: Request, response: Response, if_match: Tags = None, if_none_match: Tags = None
-    ) -> SpecDocument:
+        spec_id: Identifier, request: Request, if_match: Tags = None, if_none_match: Tags = None
+    ) -> Response:
         """Validate a spec as `check` does, and store it; open sessions keep theirs. Not by tokens bound to sessions.
 
         With `If-Match: TAG` only in place of the text with that `ETag`, with `If-None-Match: *` only where there is
@@ -149,9 +145,10 @@ def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
             raise HTTPException(412, str(error)) from None
         except OSError as error:
             raise HTTPException(503, f"the spec can't be kept: {error.strerror}") from None
-        response.status_code = 201 if new else 200
-        response.headers["ETag"] = f'"{entry.tag}"'
-        return _document(entry, warnings=[str(w) for w in entry.file.warnings])
+        answer = await packed_answer(request, history, partial(_stored, entry))
+        answer.status_code = 201 if new else 200
+        answer.headers["ETag"] = f'"{entry.tag}"'
+        return answer
 
     return routes
 
@@ -170,6 +167,16 @@ def _listed(library: Library, seen: frozenset[str] | None) -> SpecList:
         except SpecError as error:
             found.append(_document(entry, problem=str(error)))
     return SpecList(items=found)
+
+
+def _shown(entry: Entry) -> bytes:
+    """A spec with its text; of a large one it takes longer than a decision may, and so a thread does it."""
+    return _encoded(_document(entry, text=entry.file.text, thresholds=_thresholds(entry)))
+
+
+def _stored(entry: Entry) -> bytes:
+    """A spec that was just stored, with what is doubtful in it; in a thread, too."""
+    return _encoded(_document(entry, warnings=[str(w) for w in entry.file.warnings]))
 
 
 def _encoded(document: BaseModel) -> bytes:

@@ -9,6 +9,8 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom
 from oracle_server.core.spec import Spec
 
+MOST = 10_000
+"""Of a spec: where each formula may be of each stream there would be hundreds of thousands, for a plot of a few."""
 _NAMES = ("topic", "service", "ros_action")
 
 
@@ -23,8 +25,13 @@ class Threshold(NamedTuple):
 
 
 def thresholds(spec: Spec) -> list[Threshold]:
-    """All of a spec, each once, in the order of its properties."""
-    return [*dict.fromkeys(found for p in spec.properties for atom in p.atoms for found in _of(spec, p.id, atom))]
+    """The first `MOST` of a spec, each once, in the order of its properties."""
+    found: dict[Threshold, None] = {}
+    for each in (each for p in spec.properties for atom in p.atoms for each in _of(spec, p.id, atom)):
+        found[each] = None
+        if len(found) == MOST:
+            break
+    return [*found]
 
 
 def _of(spec: Spec, id_: str, atom: Atom) -> Iterator[Threshold]:
