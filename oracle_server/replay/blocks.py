@@ -6,7 +6,7 @@ import bz2
 import heapq
 from abc import ABC, abstractmethod
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import lz4.frame
@@ -116,15 +116,37 @@ class InBlocks(ABC):
 def in_order(blocks: Sequence[Block], read: Callable[[Block], list[Message]]) -> Iterator[Message]:
     """The messages of blocks by time; of equal times, as they stand in the file."""
     ordered = sorted(blocks, key=lambda block: block.start)
-    waiting: list[Message] = []
-    for number, block in enumerate(ordered):
-        found = sorted(read(block), key=_time)
-        waiting = list(heapq.merge(waiting, found, key=_time)) if waiting else found
-        until = len(waiting)
-        if number + 1 < len(ordered):
-            until = bisect_right(waiting, ordered[number + 1].start, key=_time)
-        yield from waiting[:until]
-        del waiting[:until]
+    waiting: list[_Waiting] = []
+    for number, block in enumerate(ordered, start=1):
+        if found := sorted(read(block), key=_time):
+            heapq.heappush(waiting, _Waiting(_time(found[0]), number, 0, found))
+        yield from _taken(waiting, ordered[number].start if number < len(ordered) else None)
+
+
+class _Waiting(NamedTuple):
+    """The messages of a block that others may come before: the time of the first, the block's number, and its place."""
+
+    time: int
+    number: int
+    at: int
+    messages: list[Message]
+
+
+def _taken(waiting: list[_Waiting], until: int | None) -> Iterable[Message]:
+    """Take what is no later than a time from a heap of what waits, all of it where there is none; in order.
+
+    What is later is not looked at: where each block has a message of time 0, none is done with before the last.
+    """
+    parts = []
+    while waiting and (until is None or waiting[0].time <= until):
+        _, number, at, messages = heapq.heappop(waiting)
+        end = len(messages) if until is None else bisect_right(messages, until, at, key=_time)
+        parts.append((number, messages[at:end]))
+        if end < len(messages):
+            heapq.heappush(waiting, _Waiting(_time(messages[end]), number, end, messages))
+    if len(parts) == 1:
+        return parts[0][1]
+    return heapq.merge(*(part for _, part in sorted(parts)), key=_time)
 
 
 def _end(block: Block) -> int:
