@@ -8,6 +8,7 @@ import re
 import signal
 import sqlite3
 from collections.abc import Iterator
+from typing import BinaryIO
 
 import httpx
 import pytest
@@ -91,6 +92,12 @@ async def test_a_session_is_told_to_be_open_once_it_is_kept(start: Starts) -> No
     assert {s["id"] for s in server.get("sessions")["items"]} == {"s", "t"}
 
 
+def overwrite(file: BinaryIO, content: bytes) -> None:
+    file.seek(0)
+    file.write(content)
+    file.flush()
+
+
 async def test_a_history_that_is_locked_or_spoilt_is_told_in_words(start: Starts) -> None:
     server = start()
     async with attached(server, session="s", spec="single") as monitor:
@@ -101,12 +108,12 @@ async def test_a_history_that_is_locked_or_spoilt_is_told_in_words(start: Starts
         message = failed("serve", "--data-dir", server.data, "--specs", server.specs, "--port", "0")
         assert "history.sqlite: can't be used as a database: database is locked" in message
     server = start(ORACLE_RESUME_WITHIN="3600")  # nothing is written while it is spoilt
-    file = server.data / "history.sqlite"
-    sound = file.read_bytes()
-    file.write_bytes(sound[:4096] + bytes(len(sound) - 4096))
-    body = problem(server.http.get("/api/v1/sessions/s/verdicts"), 503)
-    assert re.search("malformed|disk I/O error", body["detail"])  # by what SQLite has in its memory
-    file.write_bytes(sound)
+    with (server.data / "history.sqlite").open("r+b") as file:  # in place: its length stays as it is
+        sound = file.read()
+        overwrite(file, sound[:4096] + bytes(len(sound) - 4096))
+        body = problem(server.http.get("/api/v1/sessions/s/verdicts"), 503)
+        assert re.search("malformed|disk I/O error", body["detail"])  # by what SQLite has in its memory
+        overwrite(file, sound)
     assert len(server.records("s")) == 199
 
 
