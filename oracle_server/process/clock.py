@@ -9,18 +9,20 @@ import structlog
 MAX_AHEAD = 3600 * 10**9
 """Nanoseconds by which a clock may be ahead of the wall clock and wait for it, or begin ahead of it."""
 MAX_APART = 10**9
-"""Nanoseconds by which it may be ahead, and still be the clock of what begins: stamps are the wall clock's."""
+"""Nanoseconds by which it may be ahead and be the clock of what begins, whose stamps are the wall clock's; and by which
+the wall clock may be set back while this one goes on, and it waits for that."""
 
 log = structlog.get_logger()
 
 
 class Clock:
-    """Follows the wall clock; where that is set back, continues at half speed until the two are equal.
+    """Follows the wall clock; where that is set back by a little, continues at half speed until the two are equal.
 
     So timeouts expire and arrivals keep their order, whatever happens to the machine's time. Where the wall clock is
-    set back by more than `MAX_AHEAD`, it had been wrong: this clock goes on at full speed from where it is, and says
-    so. A clock of a new server begins at the wall clock's time then. A session that has lived later goes on by a clock
-    of its own, and one that begins while this one is ahead begins by the wall clock.
+    set back by more than `MAX_APART`, one of its times is wrong: this clock goes on at full speed from where it is, and
+    says so. One that begins ahead, by `MAX_AHEAD` at most, goes on at half speed; further ahead a new server's begins
+    at the wall clock's time. A session that has lived later goes on by a clock of its own, and one that begins while
+    this one is ahead begins by the wall clock.
     """
 
     def __init__(self, at_least: int = 0) -> None:
@@ -30,6 +32,7 @@ class Clock:
             log.warning("the wall clock was set back since the last start", seconds=(at_least - wall) // 10**9)
             at_least = 0
         self._now = max(at_least, wall)
+        self._wall = wall
         self._ticks = time.monotonic_ns()
         self._far = False
 
@@ -37,13 +40,12 @@ class Clock:
         """The time in nanoseconds since the epoch; never less than before."""
         ticks, wall = time.monotonic_ns(), time.time_ns()
         passed = ticks - self._ticks
+        if not self._far and (back := self._wall + passed - wall) > MAX_APART:
+            self._far = True
+            log.warning("the wall clock was set back: the server's time goes on until a restart", seconds=back // 10**9)
         self._now = max(self._now + (passed if self._far else passed // 2), wall)
-        self._ticks = ticks
-        if (self._now - wall > MAX_AHEAD) is not self._far:
-            self._far = not self._far
-            if self._far:
-                ahead = (self._now - wall) // 10**9
-                log.warning("the wall clock was set back: the server's time goes on until a restart", seconds=ahead)
+        self._ticks, self._wall = ticks, wall
+        self._far = self._far and self._now > wall
         return self._now
 
     def since(self, time_: int) -> Clock:
@@ -65,5 +67,5 @@ class Clock:
 
     @property
     def far(self) -> bool:
-        """Whether it is so far ahead of the wall clock that it does not wait for it."""
+        """Whether it is ahead of the wall clock, and does not wait for it."""
         return self._far

@@ -32,11 +32,28 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
 
 def test_a_clock_that_is_set_back_goes_on_slowly_until_the_two_agree(machine: Machine) -> None:
     clock, begin = Clock(), machine.wall
+    machine.wall -= SECOND
+    assert clock.now() == begin
+    machine.pass_by(1)
+    assert clock.now() == begin + SECOND // 2
+    machine.pass_by(1)
+    assert clock.now() == machine.wall == begin + SECOND
+
+
+def test_a_clock_that_is_set_back_by_more_goes_on_at_full_speed(
+    machine: Machine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At half speed what was 80 ms ago counted as within the last 50 ms, as long as the two did not agree."""
+    clock, begin = Clock(), machine.wall
     machine.pass_by(10)
     machine.wall -= 20 * SECOND
-    assert clock.now() == begin + 5 * SECOND
+    assert clock.now() == begin + 10 * SECOND
     machine.pass_by(30)
-    assert clock.now() == machine.wall == begin + 20 * SECOND
+    assert (clock.now(), clock.far, clock.ahead) == (begin + 40 * SECOND, True, 20 * SECOND)
+    assert capsys.readouterr().out.count("was set back") == 1
+    machine.wall += 20 * SECOND
+    machine.pass_by(1)
+    assert (clock.now(), clock.far) == (begin + 41 * SECOND, False)
 
 
 def test_a_server_begins_no_more_than_an_hour_ahead(machine: Machine, capsys: pytest.CaptureFixture[str]) -> None:
