@@ -22,13 +22,16 @@ class GoingBack:
         self._telling: set[str] = set()
         self._ahead: dict[str, int] = {}
 
-    def note(self, monitor: str, readings: Sequence[ClockReading], now: int) -> None:
-        """Note what a monitor's clock tells, at a time of the server (ns)."""
+    def note(self, monitor: str, readings: Sequence[ClockReading], believed: Sequence[int], now: int) -> None:
+        """Note what a monitor's clock tells at a time of the server (ns), and what of that is believed.
+
+        One that was too far ahead made nothing late, so that it may be set right.
+        """
         if readings:
             self._telling.add(monitor)
             self._ahead[monitor] = self._newest(readings) - now
-        for reading in readings:
-            self._told[monitor, reading.stream] = reading.stamp
+        for reading, stamp in zip(readings, believed, strict=True):
+            self._told[monitor, reading.stream] = stamp
 
     def is_back(self, monitor: str, readings: Sequence[ClockReading], present: int | None, *, wall: bool) -> bool:
         """Whether a monitor tells an earlier time of a stream than before; a `wall` clock is set right all the time.

@@ -167,13 +167,13 @@ class Session(Resumable):
         """Take a monitor's clock: the times before which its streams have no more events."""
         judged = self.advance(now)
         readings = tuple(readings)
-        self.clocks.note(monitor, readings, self.now)
+        believed = [self._arriving.clock(r.stamp, self.now) for r in readings]
+        self.clocks.note(monitor, readings, believed, self.now)
         if self.simulated is not None:
             self.simulated.update(readings, self.now)
             if self.begun is None and self.simulated.now is not None:
                 self._begin(self.simulated.now)
-        for r in readings:
-            told = self._arriving.clock(r.stamp, self.now)
+        for r, told in zip(readings, believed, strict=True):
             self.returning.hear(monitor, told, self.now)
             judged += self._judge(self.buffer.clock((monitor, r.stream), told))
         return judged + self._run_out()

@@ -197,3 +197,16 @@ def test_by_arrival_no_clock_goes_back_and_no_clock_is_exact() -> None:
         Feed(session).clock(A, 100 * SECOND, 100 * SECOND)
         assert not session.goes_back("m", [ClockReading(A, 99 * SECOND)]), "a clock is set right by less, often"
         assert session.goes_back("m", [ClockReading(A, 98 * SECOND)]) is back
+
+
+def test_a_wall_clock_that_was_further_ahead_than_is_believed_is_set_right_and_goes_not_back() -> None:
+    """What came by it was ordered as it arrived: what comes by the right time is not late."""
+    session = open_session([prop("any", "once {v: 1}")], attach={"m": [A]}, streams=STREAMS, max_skew=SECOND)
+    feed, now = Feed(session), 100 * SECOND
+    feed.clock(A, now + 1800 * SECOND, now)
+    feed(A, now + 1800 * SECOND, arrived=now)
+    assert session.clocks.apart("m") == 1800 * SECOND + 5
+    assert not session.goes_back("m", [ClockReading(A, now)])
+    feed.clock(A, now, now)
+    (judged,) = feed(A, now + 1, arrived=now + 2) + session.advance(now + SECOND)
+    assert (session.clocks.apart("m"), judged.step.late, judged.step.skewed) == (0, False, False)
