@@ -43,6 +43,9 @@ class Clock:
         if not self._far and (back := self._wall + passed - wall) > MAX_APART:
             self._far = True
             log.warning("the wall clock was set back: the server's time goes on until a restart", seconds=back // 10**9)
+        if (skipped := wall - self._now - passed) > MAX_APART:
+            what = "the wall clock was set ahead, or the machine slept: deadlines of meanwhile run out at once"
+            log.warning(what, seconds=skipped // 10**9)
         self._now = max(self._now + (passed if self._far else passed // 2), wall)
         self._ticks, self._wall = ticks, wall
         self._far = self._far and self._now > wall

@@ -56,6 +56,26 @@ def test_a_clock_that_is_set_back_by_more_goes_on_at_full_speed(
     assert (clock.now(), clock.far) == (begin + 41 * SECOND, False)
 
 
+def test_a_clock_that_is_set_ahead_is_followed_and_that_is_told(
+    machine: Machine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where the machine slept: nothing said why each deadline of meanwhile was a violation."""
+    clock = Clock()
+    machine.pass_by(3600)
+    machine.wall += SECOND
+    assert clock.now() == machine.wall
+    assert capsys.readouterr().out == ""
+    machine.wall += 1800 * SECOND
+    assert clock.now() == machine.wall
+    assert "was set ahead, or the machine slept" in (said := capsys.readouterr().out)
+    assert "seconds=1800" in said
+    machine.wall -= 1800 * SECOND
+    ahead = clock.now()
+    machine.wall += 1800 * SECOND
+    assert clock.now() == ahead
+    assert "ahead" not in capsys.readouterr().out
+
+
 def test_a_server_begins_no_more_than_an_hour_ahead(machine: Machine, capsys: pytest.CaptureFixture[str]) -> None:
     assert Clock(machine.wall + MAX_AHEAD).now() == machine.wall + MAX_AHEAD
     assert capsys.readouterr().out == ""
