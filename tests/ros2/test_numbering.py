@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -114,6 +115,24 @@ def test_status_arrays_that_are_lost_count_also_where_the_next_one_says_nothing_
     stream.take({goal: 4}, info, 0)
     stream.take({goal: 2}, info, 0)
     assert sent == [("accepted", 0), ("executing", 3), ("succeeded", 1), ("executing", 0)]
+
+
+def test_what_an_action_tells_first_is_not_taken_for_kept_after_the_clock_was_set_back(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of an action's server that was started then the first goals were not told."""
+    sent: list[str] = []
+    shared = SimpleNamespace(
+        node=scene.peer().node, link=SimpleNamespace(send=lambda *_, status, **__: sent.append(status))
+    )
+    now = time.time_ns
+    with monkeypatch.context() as ahead:
+        ahead.setattr(time, "time_ns", lambda: now() + 1800 * 10**9)
+        stream = standing.StatusStream(shared, {"name": "/dock", "kind": "status", "latency": 0})
+    kept, begun = now() - 10**9, now() + 10**9
+    stream.take({b"a" * 16: 2}, kilted(1, 1) | {"source_timestamp": kept}, 0)
+    stream.take({b"b" * 16: 1}, kilted(2, 1) | {"source_timestamp": begun}, 0)
+    assert sent == ["accepted"]
 
 
 def test_status_arrays_that_are_lost_are_told_by_another_event_where_none_of_their_stream_follows(scene: Scene) -> None:

@@ -51,9 +51,11 @@ class StatusStream:
         One that was kept for late subscribers is where the others begin.
         """
         source, published = source_of(info), info["source_timestamp"]
-        if not self._transitions.knows(source) and published < self._began:
-            self._transitions.begin(source, statuses)
-            return
+        if not self._transitions.knows(source):
+            self._began = min(self._began, time.time_ns())  # the clock may have been set back
+            if published < self._began:
+                self._transitions.begin(source, statuses)
+                return
         stamp: Stamp = self._now
         if not self._stamped_here:
             stamp = (self._now() if self._timed_here else published) or None
