@@ -54,6 +54,12 @@ def test_systemd_takes_the_unit(tmp_path: Path) -> None:
     assert exposure.returncode == 0, exposure.stdout[-500:]
 
 
+def test_the_server_starts_once_the_clock_is_set() -> None:
+    """By the time of before, which a machine without a battery for its clock boots with, open sessions begin anew."""
+    (after,) = re.findall("^After=(.*)$", (FOLDER / "oracle-server.service").read_text(), re.MULTILINE)
+    assert {"time-set.target", "time-sync.target"} <= set(after.split())
+
+
 @pytest.mark.skipif(
     (platform.system(), _KERNEL) < ("Linux", (6, 3)), reason="before Linux 6.3 systemd alone can deny such memory"
 )
