@@ -17,12 +17,21 @@ if TYPE_CHECKING:
 
 ClockStamp = Tuple[str, str, int]
 """A stream's name, its kind, and the publication time (ns) before which nothing more will come."""
+CLOCKS_APART = 10**8
+"""Nanoseconds between two clocks that wait, at least, with events between them."""
+MAX_CLOCKS = 1000
+"""Clocks that wait, as while the server is away; for more every second one is forgotten."""
 
 
 @dataclass
 class _ClockMark:
     after: int
     stamps: Dict[Tuple[str, str], int]
+
+    @property
+    def newest(self) -> int:
+        """The newest of its times (ns)."""
+        return max(self.stamps.values())
 
 
 @dataclass
@@ -36,7 +45,7 @@ class Handling:
 
 
 class Marks:
-    """At most two clocks, and at most `capacity` handlings that wait and as many that were sent.
+    """Clocks, and at most `capacity` handlings that wait and as many that were sent.
 
     Where that is not enough, the newest that would wait and the oldest that was sent are forgotten:
     history then does not know what was done with those asks.
@@ -47,6 +56,7 @@ class Marks:
         """How many handlings a frame may have."""
         self._capacity = capacity
         self._clocks: List[_ClockMark] = []
+        self._apart = CLOCKS_APART
         self._handlings: Deque[Handling] = deque()
         self._reported: Deque[Handling] = deque(maxlen=capacity)
 
@@ -63,11 +73,23 @@ class Marks:
         fresh = {(stream, kind): stamp for stream, kind, stamp in stamps}
         if not fresh:
             return
-        # The newest takes over only what waits in the second place. The first keeps its place:
-        # moved back each time, it would never be sent while events keep coming.
-        if len(self._clocks) == 2:
+        # The newest takes over only what waits in the last place. The first keeps its place:
+        # moved back each time, it would never be sent while events keep coming. So does one behind
+        # which events came: by the time of before it they would be far ahead of their time.
+        if len(self._clocks) < 2:
+            self._apart = CLOCKS_APART
+        elif not self._stays(after):
             fresh = {**self._clocks.pop().stamps, **fresh}
         self._clocks.append(_ClockMark(after, fresh))
+        if len(self._clocks) > MAX_CLOCKS:
+            del self._clocks[1:-1:2]
+            took = self._clocks[-1].newest - self._clocks[0].newest
+            self._apart = max(self._apart, 2 * took // MAX_CLOCKS)
+
+    def _stays(self, after: int) -> bool:
+        """Whether the last clock stays where it is, with an event between it and the next."""
+        before, last = self._clocks[-2:]
+        return last.after < after and last.newest - before.newest >= self._apart
 
     def turn_back(self, stamps: Iterable[ClockStamp], after: int) -> None:
         """Place clocks that go back after an event, instead of all that wait.

@@ -6,6 +6,7 @@ from typing import Any, List
 
 import pytest
 from oracle_adapter import Answer, LinkError, should_pass
+from oracle_adapter.marks import MAX_CLOCKS
 from oracle_adapter.notices import Answered
 from tests.adapters.common.side import Side, answer_in
 
@@ -238,6 +239,32 @@ class TestClocks:
         assert self.clocks(side) == [
             [1], {"a": 1, "b": 1}, [*range(2, 10)], {"a": 9, "b": 4}, [10],
         ]  # fmt: skip
+
+    def test_those_of_an_outage_stay_between_its_events(self, side: Side) -> None:
+        """By the clock of when it began all its events were far ahead, and judged at that time."""
+        side.attach()
+        side.protocol.disconnected()
+        for ms in range(0, 2_000, 10):
+            self.clock(side, a=ms * 10**6)
+            if ms % 500 == 0:
+                side.send(ms)
+        side.attach()
+        sent = self.clocks(side)
+        assert [frame for frame in sent if isinstance(frame, list)] == [[0], [500], [1000], [1500]]
+        told = [frame["a"] // 10**6 for frame in sent if isinstance(frame, dict)]
+        assert told == [0, 500, 1000, 1500, 1990]
+
+    def test_of_many_that_wait_some_are_forgotten_and_none_of_the_ends(self) -> None:
+        last = 2_500
+        side = Side(capacity=2 * last)
+        for second in range(last + 1):
+            self.clock(side, a=second * 10**9)
+            side.send(second)
+        side.attach()
+        told = [frame["a"] // 10**9 for frame in self.clocks(side) if isinstance(frame, dict)]
+        assert (told[0], told[-1], told) == (0, last, sorted(told))
+        assert MAX_CLOCKS / 2 <= len(told) <= MAX_CLOCKS
+        assert max(after - before for before, after in zip(told, told[1:])) <= 4
 
     def test_it_waits_for_events_sent_again(self, side: Side) -> None:
         side.attach()
