@@ -28,6 +28,7 @@ from oracle_server.core.gaps import gaps
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
 from oracle_server.core.lingering import lingers
+from oracle_server.core.mingled import mingled
 from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.opening import at_the_beginning
@@ -85,6 +86,7 @@ def inspect(
         *unseen_silence(spec),
         *gaps(spec, known),
         *namesakes(spec, known),
+        *mingled(spec, known),
         *vacuous(spec, known),
     ]
 
