@@ -31,7 +31,7 @@ from oracle_server.core.lingering import lingers
 from oracle_server.core.mingled import mingled
 from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
-from oracle_server.core.opening import at_the_beginning
+from oracle_server.core.opening import at_the_beginning, ever
 from oracle_server.core.ros import odd_names, twins_left_open
 from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
@@ -83,6 +83,7 @@ def inspect(
         *found,
         *doubtful_derived(spec, known),
         *at_the_beginning(spec),
+        *ever(spec),
         *unseen_silence(spec),
         *gaps(spec, known),
         *namesakes(spec, known),

@@ -1,4 +1,4 @@
-"""Patterns that ask for something at the beginning of a session alone, where that is hardly meant."""
+"""Patterns that say less than is meant: of the beginning of a session alone, or of what a state ever was."""
 
 from __future__ import annotations
 
@@ -6,11 +6,31 @@ import re
 from collections.abc import Iterator
 
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import (
+    ALL_PAST,
+    STEP,
+    And,
+    Atom,
+    Forall,
+    Formula,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Since,
+    atoms,
+    walk,
+)
 from oracle_server.core.spec import Spec
+from oracle_server.core.withholding import lasting, present, without_signals
 
 _NONE_WITHIN = re.compile(
     r"(?:forall\s*\[[^]]*\]\s*\.\s*)*no\b.*\bwithin\b\s*(?P<time>[^)}\]]+)", re.IGNORECASE | re.DOTALL
 )
+_PAIR = re.compile(r"\b(requires|forbids)\b", re.IGNORECASE)
+_SCOPED = re.compile(r"(?:forall\s*\[[^]]*\]\s*\.\s*)*(?:after|until|while)\b", re.IGNORECASE)
+_STATE = (Atom, Not, And, Or, Implies)
 
 
 def at_the_beginning(spec: Spec) -> Iterator[SpecProblem]:
@@ -27,3 +47,46 @@ def at_the_beginning(spec: Spec) -> Iterator[SpecProblem]:
             "beginning is meant"
         )
         yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def ever(spec: Spec) -> Iterator[SpecProblem]:
+    """Warnings of `B requires A` and `A forbids B` where A is a state: they ask whether it ever was."""
+    quiet = without_signals(lasting(spec))
+    for i, prop in enumerate(spec.properties):
+        verb = _PAIR.search(prop.text) if prop.says == "pattern" else None
+        if verb is None:
+            continue
+        scoped = _SCOPED.match(prop.text.strip()) is not None
+        for event, state in _asked(prop.formula, scoped=scoped):
+            if not all(isinstance(node, _STATE) for node in walk(state)) or present(state, quiet) is not None:
+                continue
+            word, asked = verb[1].lower(), state if verb[1].lower() == "requires" else Not(state)
+            keys = {c.key for atom in atoms(state) for c in atom.constraints}
+            owner = next((s.name for s in spec.streams if s.hold & keys), None)
+            coming = f"; where its coming is meant, write it with its stream, as in `{owner} {{…}}`" if owner else ""
+            message = (
+                f"pattern of '{prop.id}': `{render(state)}` keeps its value, and `{word}` asks whether it ever held up "
+                f"to then, also where it holds no more; to ask what holds then, write in its place "
+                f"`always {render(Implies(event, asked))}`{coming}"
+            )
+            yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def _asked(formula: Formula, *, scoped: bool) -> Iterator[tuple[Formula, Formula]]:
+    """The event of such a pattern without a bound, and what it asks of the past."""
+    match formula:
+        case Forall(_, body):
+            yield from _asked(body, scoped=scoped)
+        case Implies(left, right) if left == STEP:
+            yield from _asked(right, scoped=scoped)
+        case Implies(event, Not(past) | past):
+            found = past.operand if isinstance(past, Once) else past.right if isinstance(past, Since) else None
+            if found is None or getattr(past, "bound", None) != ALL_PAST:
+                return
+            if scoped:  # each stands beside its scope
+                event, found = _first(event), _first(found)
+            yield event, found
+
+
+def _first(formula: Formula) -> Formula:
+    return formula.left if isinstance(formula, And) else formula

@@ -1,0 +1,57 @@
+"""What `check` says of `requires` and `forbids` of what keeps its value."""
+
+from __future__ import annotations
+
+import pytest
+
+from oracle_server.specfiles.load import parse_spec
+
+SPEC = """\
+id: guarded
+define: {go: '{mode: AUTO}', came: 'once {topic: /arm}', on: '{topic: /arm}', off: '{topic: /disarm}'}
+streams:
+  - {topic: /mode, signals: {mode: msg.mode, id: msg.id}, hold: [mode]}
+  - {topic: /arm, signals: {id: msg.id}}
+  - {topic: /disarm}
+  - {topic: /cmd, signals: {speed: msg.v, id: msg.id}, action: filter}
+derive:
+  arm: {start: no, otherwise: stay, states: {no: {on: yes}, yes: {off: no}}}
+  arm_age: {age: '{topic: /arm}'}
+properties:
+  - {id: p, pattern: 'PATTERN', guards: [/cmd]}
+"""
+CMD = '{topic: "/cmd"} -> '
+AUTO = '{mode: "AUTO"}'
+
+
+@pytest.mark.parametrize(
+    ("pattern", "mend"),
+    [
+        ("/cmd requires {mode: AUTO}", CMD + AUTO),
+        ("/cmd requires go", CMD + AUTO),
+        ("/cmd requires (not go and {mode: *})", f"{CMD}not {AUTO} and {{mode: *}}"),
+        ("/cmd requires {arm: yes}", f'{CMD}{{arm: "yes"}}'),
+        ("/cmd requires {arm_age < 5}", f"{CMD}{{arm_age < 5}}"),
+        ("go forbids /cmd", f"{CMD}not {AUTO}"),
+        ("after /arm until /disarm: /cmd requires go", CMD + AUTO),
+        ("while {arm: yes}: /cmd {speed > 1} requires go", '{topic: "/cmd", speed > 1} -> ' + AUTO),
+        ("forall[i]. /cmd {id: *i} requires {mode: *i}", '{topic: "/cmd", id: *i} -> {mode: *i}'),
+        ("/cmd requires go within 5s", None),
+        ("/cmd requires /mode {mode: AUTO}", None),
+        ("/cmd requires /arm", None),
+        ("/cmd requires came", None),
+        ("forall[i]. /cmd {id: *i} requires {id: *i, mode: AUTO}", None),
+        ("no /cmd {speed > 9}", None),
+    ],
+)
+def test_what_a_state_ever_was_is_told_of(pattern: str, mend: str | None) -> None:
+    found = [w.message for w in parse_spec(SPEC.replace("PATTERN", pattern), "s.yaml").warnings]
+    told = [each for each in found if "asks whether it ever held up to then" in each]
+    assert len(told) == (mend is not None)
+    assert all(f"to ask what holds then, write in its place `always {mend}`" in each for each in told)
+
+
+def test_the_mend_is_sound() -> None:
+    pattern = "after /arm until /disarm: always {topic: /cmd} -> {mode: AUTO}"
+    found = parse_spec(SPEC.replace("PATTERN", pattern), "s.yaml").warnings
+    assert not [each for each in found if "asks whether" in each.message]
