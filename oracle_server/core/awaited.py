@@ -8,9 +8,10 @@ from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
 from oracle_server.core.formula.breach import breach
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import TRUE, Always, walk
+from oracle_server.core.formula.tree import TRUE, Always, And, Atom, Implies, Not, Or, atoms, walk
+from oracle_server.core.lacks import quoted
 from oracle_server.core.spec import Property, Spec
-from oracle_server.core.withholding import present
+from oracle_server.core.withholding import lasting, present, without_signals
 
 
 def awaited(spec: Spec) -> Iterator[SpecProblem]:
@@ -22,6 +23,7 @@ def awaited(spec: Spec) -> Iterator[SpecProblem]:
             continue
         yield from _guards(i, prop, found)
         yield from _trigger(i, prop, found)
+        yield from _asks_again(spec, i, prop, found)
         yield from _endless(i, prop, found)
 
 
@@ -68,6 +70,28 @@ def _trigger(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]
     message = (
         f"property '{prop.id}': `{render(found.trigger, prop.time)}` can hold at any event, whatever that is, and asks "
         "anew at each step at which it does; write an atom of the event that asks, as in `{goal: *} and … -> …`"
+    )
+    yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def _asks_again(spec: Spec, i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
+    """A trigger that keeps its value, so that each message of any stream asks for another answer.
+
+    Not of requirements, which say by `when` and `whenever` which of both is meant.
+    """
+    trigger, kept = found.trigger, lasting(spec) - {each.name for each in spec.derive if each.changes}
+    if trigger is None or prop.says == "requirement" or len(spec.streams) == 1 or not _beyond_always(found):
+        return
+    is_state = all(isinstance(node, Atom | Not | And | Or | Implies) for node in walk(trigger))
+    if not is_state or present(trigger, without_signals(kept)) is not None:
+        return
+    names = sorted({c.key for atom in atoms(trigger) for c in atom.constraints} & kept)
+    owner = next((stream.name for stream in spec.streams if stream.hold.intersection(names)), None)
+    event = f"with its stream, as in `{{topic: {owner}, …}}`, or " if owner else ""
+    message = (
+        f"property '{prop.id}': `{render(trigger, prop.time)}` comes again at each message while it holds, since "
+        f"{quoted(names)} {'keeps its value' if len(names) == 1 else 'keep their values'}, and asks for another answer "
+        f"each time; write it {event}where it begins, as in `{{on}} and not pre {{on}}`"
     )
     yield SpecProblem(("properties", i, "formula"), message, severity="warning")
 

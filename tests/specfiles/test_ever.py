@@ -1,4 +1,4 @@
-"""What `check` says of `requires` and `forbids` of what keeps its value."""
+"""What `check` says of events of patterns, and of triggers, that keep their value."""
 
 from __future__ import annotations
 
@@ -55,3 +55,23 @@ def test_the_mend_is_sound() -> None:
     pattern = "after /arm until /disarm: always {topic: /cmd} -> {mode: AUTO}"
     found = parse_spec(SPEC.replace("PATTERN", pattern), "s.yaml").warnings
     assert not [each for each in found if "asks whether" in each.message]
+
+
+@pytest.mark.parametrize(
+    ("prop", "is_told"),
+    [
+        ("pattern: '{mode: FAULT} causes /arm within 1s'", True),
+        ("pattern: 'while {arm: no}: (go or {mode: FAULT}) causes /arm within 1s'", True),
+        ("formula: 'go -> eventually[:5] {topic: /arm}'", True),
+        ("pattern: '/mode {mode: FAULT} causes /arm within 1s'", False),
+        ("formula: 'go and not pre go -> eventually[:5] {topic: /arm}'", False),
+        ("formula: '{topic: /cmd} and go -> eventually[:5] {topic: /arm}'", False),
+        ("formula: 'go -> always[:5] not {topic: /arm}'", False),
+        ("requirement: 'Whenever go the robot shall within 5 steps satisfy on'", False),
+    ],
+)
+def test_a_trigger_that_keeps_its_value_asks_again(prop: str, *, is_told: bool) -> None:
+    text = SPEC.replace("pattern: 'PATTERN', guards: [/cmd]", prop).replace(", action: filter", "")
+    found = [w.message for w in parse_spec(text, "s.yaml").warnings if "asks for another answer each time" in w.message]
+    assert len(found) == is_told
+    assert all("`mode` keep" in each and "`{topic: /mode, …}`" in each for each in found)
