@@ -129,6 +129,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
     yield from replay.spelling.doubts()
     yield from replay.fields.doubts()
     yield from replay.lacking.doubts()
+    yield from replay.apart.doubts()
     yield from replay.units.doubts()
     yield from replay.leaps.doubts()
     if replay.skipped:

@@ -25,6 +25,7 @@ from oracle_server.engines.table import make_engines
 from oracle_server.history.views import View
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.again import Again
+from oracle_server.replay.apart import Apart
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
@@ -81,6 +82,7 @@ class Replay:
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
         ready = plan(spec)
+        self.apart = Apart(spec)
         self.lacking, self.spelling, self.fields = Lacking(ready, types), Spelling(spec), FieldSpelling(spec)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
@@ -128,6 +130,7 @@ class Replay:
             self.comparison.compare(judged)
         self._unjudged.note(judged)
         self.delays.note(judged)
+        self.apart.look(judged.step.event)
         self.spelling.look(judged.step.event.stream, judged.step.signals)
         self.forced += judged.step.forced
 
