@@ -158,12 +158,18 @@ def counted(atom: Atom, could: Sequence[Place]) -> str:
     for name, found in {name: found for place in could for name, found in place.again.items()}.items():
         if name in keys and found.of in keys:
             is_ = {"last": "is", "max": "is never less than", "min": "is never more than"}[found.op]
+            alone = f", if one monitor alone sends {found.of}" if any(_keeps(p, found.of) for p in could) else ""
             before = f"; the sample before is `previous: {found.of}`, and how far both are apart `delta: {found.of}`"
             return (
                 f"; `{found.op}: {found.of}` counts the very event, so that `{name}` {is_} `{found.of}` wherever both "
-                f"are there{before if found.op == 'last' else ''}"
+                f"are there{alone}{before if found.op == 'last' else ''}"
             )
     return ""
+
+
+def _keeps(place: Place, name: str) -> bool:
+    """Whether events have a signal by what is held alone, for each monitor by itself."""
+    return name in place.held and not (place.stream is not None and name in place.stream.hold)
 
 
 def range_at(key: str, could: Sequence[Place]) -> Range:
