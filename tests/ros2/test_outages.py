@@ -18,6 +18,7 @@ from tests.ros2.harness import Process, Scene, eventually, without_gaps
 msg = pytest.importorskip("std_msgs.msg")
 srv = pytest.importorskip("std_srvs.srv")
 QoSProfile = pytest.importorskip("rclpy.qos").QoSProfile
+Duration = pytest.importorskip("rclpy.duration").Duration
 
 # rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
 pytestmark = pytest.mark.filterwarnings(
@@ -182,4 +183,25 @@ def test_what_was_lost_on_the_way_is_counted_and_what_comes_after_is_degraded(tm
         assert lost
         last = scene.server.events("s")[-1]
         assert (before["degraded"], last["degraded"]) == (False, True)
+        adapter.ends_well()
+
+
+@pytest.mark.parametrize("lifespan", [100, 10**6], ids=["over", "not over"])
+def test_what_its_publisher_takes_for_too_old_does_not_pass_after_an_outage(lifespan: int, tmp_path: Path) -> None:
+    with gate(tmp_path, "pass", "1500ms") as (scene, adapter):
+        peer = scene.peer()
+        heard = peer.record(msg.Int64, "/number")
+        profile = QoSProfile(depth=10, lifespan=Duration(nanoseconds=lifespan * 10**6))
+        numbers = peer.publisher(msg.Int64, "/number_mon", qos=profile)
+        peer.until(lambda: peer.node.count_publishers("/number") == 1)
+        scene.server.process.send(signal.SIGSTOP)
+        numbers.publish(msg.Int64(data=1))
+        if lifespan == 100:
+            adapter.said("a message of /number could not be passed on: ExpiredError")
+        else:
+            peer.until(lambda: heard)
+        scene.server.process.send(signal.SIGCONT)
+        told = eventually(lambda: scene.server.events("s"), len)
+        assert [event["passed"] for event in told] == [lifespan != 100]
+        assert len(heard) == (lifespan != 100)
         adapter.ends_well()

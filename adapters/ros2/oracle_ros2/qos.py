@@ -58,6 +58,12 @@ def lasts(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+def lifespan(offered: Sequence[QoSProfile]) -> float | None:
+    """Seconds after which messages are of no use to anybody, as all publishers say; None where one does not."""
+    found = [profile.lifespan.nanoseconds for profile in offered]
+    return max(found) / 10**9 if found and all(0 < time < FOREVER for time in found) else None
+
+
 def same(one: QoSProfile, other: QoSProfile) -> bool:
     """Whether two profiles are one to everybody else on the graph."""
     return _times(one) == _times(other) and all(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 from oracle_adapter import PROXY
@@ -18,6 +19,7 @@ from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import Monitors, unguarded
 from oracle_ros2.hidden import screener
 from oracle_ros2.numbering import Numbers, source_of
+from oracle_ros2.qos import lifespan
 from oracle_ros2.republished import MatchedPublisher
 from oracle_ros2.stamps import USUAL_STAMPS, misplaced, simulated, stamp_reader, time_of
 
@@ -184,6 +186,13 @@ class LoggedTopic:
             self._link.send(self.observed.name, self.observed.kind, stamp, data, **more)
 
 
+class ExpiredError(Exception):
+    """A message has waited for its decision for longer than it is of use."""
+
+    def __init__(self) -> None:
+        super().__init__("its publisher's lifespan was over before it was decided on")
+
+
 class FilteredTopic:
     """Forwards the messages that the oracle allows, in their order; no callback waits for a decision.
 
@@ -201,7 +210,8 @@ class FilteredTopic:
         self._heard, self._given, self._unguarded = source, target, ""
         self._publisher = MatchedPublisher(node, self.observed.type, target)
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
-        self._queue = ForwardQueue(passing, lambda said: self._publisher.publish(*said))
+        self._queue = ForwardQueue(passing, self._give)
+        self._lifespan: float | None = None
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
         self.observed.is_foreign, self.observed.lasts = self.subscription.is_foreign, self.subscription.lasts
 
@@ -233,6 +243,7 @@ class FilteredTopic:
         untold = self._link.lost(self.observed.unread.overdue())
         heard = self.subscription
         found = heard.look(), self._publisher.look(heard.offered, heard.sources)
+        self._lifespan = lifespan(heard.offered)
         self._unguarded = unguarded(self._node, self._heard, self._given)
         troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self, untold))
         return "; ".join(trouble for trouble in troubles if trouble)
@@ -245,6 +256,7 @@ class FilteredTopic:
     def _match(self) -> None:
         """Do not wait for the next look: a new publisher may publish only once."""
         self.subscription.look_around()
+        self._lifespan = lifespan(self.subscription.offered)
         self._publisher.match(self.subscription.offered, self.subscription.sources)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
@@ -252,7 +264,15 @@ class FilteredTopic:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
-            self._queue.take((message, more["source"]), stamp, data, **more)
+            end = None if self._lifespan is None else time.monotonic() + self._lifespan
+            self._queue.take((message, more["source"], end), stamp, data, **more)
+
+    def _give(self, said: tuple[bytes, str, float | None]) -> bool:
+        """Pass a message on, unless it is of no use any more: the middleware would begin to count anew."""
+        message, source, end = said
+        if end is not None and time.monotonic() > end:
+            raise ExpiredError
+        return self._publisher.publish(message, source)
 
 
 def unreadable(topic: LoggedTopic | FilteredTopic, untold: bool) -> Iterator[str]:
