@@ -60,6 +60,27 @@ def test_a_publisher_in_another_s_place_is_the_monitor_s_own(scene: Scene) -> No
     forwarded.stop()
 
 
+def test_who_is_past_the_monitor_is_told_on_while_a_publisher_takes_another_s_place(scene: Scene) -> None:
+    monitor, rogue = scene.peer("monitor"), scene.peer("rogue")
+    forwarded = republished.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
+    effort = rclpy_qos.QoSProfile(depth=1, reliability=rclpy_qos.ReliabilityPolicy.BEST_EFFORT)
+    past = rogue.node.create_publisher(msg.Int64, "/cmd", 10)
+    text = "/rogue publishes /cmd past the monitor"
+    eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
+    told = []
+
+    def offered() -> Any:
+        told.append(forwarded.look([effort]))
+        found = monitor.node.get_publishers_info_by_topic("/cmd")
+        return [info.qos_profile.reliability for info in found if info.node_name == "monitor"]
+
+    eventually(offered, lambda found: found == [rclpy_qos.ReliabilityPolicy.BEST_EFFORT])
+    assert {*told, forwarded.look([effort])} == {text}
+    rogue.node.destroy_publisher(past)
+    eventually(lambda: forwarded.look([effort]), lambda trouble: trouble == "")
+    forwarded.stop()
+
+
 def calls(monitor: Peer) -> str:
     return str(graph.past_proxy(monitor.node, ("/led", "/led_mon")))
 

@@ -31,6 +31,7 @@ class MatchedPublisher:
         self._node, self._type, self._topic = node, message_type, topic
         self.bypass = ""
         """Who else publishes the topic, as of the last look; empty where nobody does."""
+        self._trouble = ""  # as of the last look at which the publishers were not being changed
         self._giving = threading.Lock()
         self._publishers = self._next = [self._make(to_offer(offered))]
         self._users: dict[str, Any] = {}  # the publisher of each source
@@ -66,7 +67,7 @@ class MatchedPublisher:
     def look(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> str:
         """Offer what the originals do, and return what is wrong on the topic."""
         if time.monotonic() - self._changed < MATCHING:
-            return ""
+            return self._trouble
         while self._retired:
             self._node.destroy_publisher(self._retired.pop())
         if self._next is not self._publishers:
@@ -75,7 +76,9 @@ class MatchedPublisher:
                 self._changed = time.monotonic()
                 self._take_over()
         self.match(originals, sources)
-        return "" if self._retired or self._next is not self._publishers else "; ".join(self._find_troubles())
+        if not self._retired and self._next is self._publishers:
+            self._trouble = "; ".join(self._find_troubles())
+        return self._trouble
 
     def match(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> None:
         """Begin to offer what the originals do, unless something else is begun.
