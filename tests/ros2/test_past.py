@@ -65,9 +65,8 @@ def test_who_is_past_the_monitor_is_told_on_while_a_publisher_takes_another_s_pl
     forwarded = republished.MatchedPublisher(monitor.node, msg.Int64, "/cmd")
     effort = rclpy_qos.QoSProfile(depth=1, reliability=rclpy_qos.ReliabilityPolicy.BEST_EFFORT)
     past = rogue.node.create_publisher(msg.Int64, "/cmd", 10)
-    text = "/rogue publishes /cmd past the monitor"
+    text, told = "/rogue publishes /cmd past the monitor", []
     eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
-    told = []
 
     def offered() -> Any:
         told.append(forwarded.look([effort]))
@@ -76,8 +75,12 @@ def test_who_is_past_the_monitor_is_told_on_while_a_publisher_takes_another_s_pl
 
     eventually(offered, lambda found: found == [rclpy_qos.ReliabilityPolicy.BEST_EFFORT])
     assert {*told, forwarded.look([effort])} == {text}
+    reliable = rclpy_qos.QoSProfile(depth=1)
+    forwarded.look([reliable])  # and who goes while it changes back has gone
+    assert [info.node_name for info in monitor.node.get_publishers_info_by_topic("/cmd")].count("monitor") == 2
     rogue.node.destroy_publisher(past)
-    eventually(lambda: forwarded.look([effort]), lambda trouble: trouble == "")
+    eventually(lambda: monitor.node.count_publishers("/cmd"), lambda count: count == 2)
+    assert forwarded.look([reliable]) == ""
     forwarded.stop()
 
 

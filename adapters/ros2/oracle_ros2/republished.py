@@ -31,7 +31,7 @@ class MatchedPublisher:
         self._node, self._type, self._topic = node, message_type, topic
         self.bypass = ""
         """Who else publishes the topic, as of the last look; empty where nobody does."""
-        self._trouble = ""  # as of the last look at which the publishers were not being changed
+        self._namesakes: list[str] = []  # as of the last look at which the publishers were not being changed
         self._giving = threading.Lock()
         self._publishers = self._next = [self._make(to_offer(offered))]
         self._users: dict[str, Any] = {}  # the publisher of each source
@@ -66,19 +66,16 @@ class MatchedPublisher:
 
     def look(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> str:
         """Offer what the originals do, and return what is wrong on the topic."""
-        if time.monotonic() - self._changed < MATCHING:
-            return self._trouble
-        while self._retired:
-            self._node.destroy_publisher(self._retired.pop())
-        if self._next is not self._publishers:
-            with self._giving:
-                self._retired = [one for one in self._publishers if one not in self._next]
-                self._changed = time.monotonic()
-                self._take_over()
-        self.match(originals, sources)
-        if not self._retired and self._next is self._publishers:
-            self._trouble = "; ".join(self._find_troubles())
-        return self._trouble
+        if time.monotonic() - self._changed >= MATCHING:
+            while self._retired:
+                self._node.destroy_publisher(self._retired.pop())
+            if self._next is not self._publishers:
+                with self._giving:
+                    self._retired = [one for one in self._publishers if one not in self._next]
+                    self._changed = time.monotonic()
+                    self._take_over()
+            self.match(originals, sources)
+        return "; ".join(self._find_troubles())
 
     def match(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> None:
         """Begin to offer what the originals do, unless something else is begun.
@@ -180,8 +177,9 @@ class MatchedPublisher:
         own, others = [], []
         for info in self._node.get_publishers_info_by_topic(self._topic):
             (own if self._has_own_name(info) else others).append(info)
-        past = [full_name(info) for info in others]
-        past += [f"another node named {full_name(info)}" for info in own[len(self._publishers) :]]  # others than these
+        if not self._retired and self._next is self._publishers:  # else there are more of one's own
+            self._namesakes = [f"another node named {full_name(info)}" for info in own[len(self._publishers) :]]
+        past = [*map(full_name, others), *self._namesakes]
         self.bypass = "; ".join(f"{other} publishes {self._topic} past the monitor" for other in past)
         if self.bypass:
             yield self.bypass
