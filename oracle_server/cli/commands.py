@@ -48,6 +48,8 @@ _STARTING = 20_000
 """New objects between two collections of garbage; by Python's default of 700 they take a fifth of a command's start."""
 _POSIX = {"fcntl", "resource"}
 """Modules that Windows lacks, and that only what runs a server imports."""
+_NO_THREAD = "can't start new thread"
+"""What Python says where the system gives it none."""
 histories = typer.Typer(help="What is done with histories that no server uses.", add_completion=False)
 tokens = typer.Typer(help="Manage the tokens of a server, which stores only their hashes.", add_completion=False)
 
@@ -144,8 +146,9 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename is not None else "can't go on: "
         return f"{where}{error.strerror or error}"
-    if isinstance(error, MemoryError):
-        return "more memory is needed than there is"
+    if isinstance(error, MemoryError) or str(error) == _NO_THREAD:
+        what = "memory is" if isinstance(error, MemoryError) else "threads are"
+        return f"more {what} needed than there {what.split()[1]}, or than this user or container may have"
     frame = traceback.extract_tb(error.__traceback__)[-1]
     what = f"{type(error).__name__}: {error} ({frame.filename}:{frame.lineno})".replace("\n", " ")
     return f"a defect of oracle-server, please report it: {what}; with PYTHONDEVMODE=1 its whole traceback is shown"

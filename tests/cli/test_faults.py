@@ -85,6 +85,19 @@ def test_ctrl_c_while_the_modules_are_read_is_no_traceback() -> None:
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
 
+def test_that_no_thread_can_be_had_is_told_as_a_limit_and_no_defect() -> None:
+    starting = """import resource, threading
+    threading.stack_size(2**30)
+    resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
+    threading.Thread(target=print).start()"""
+    limited = DEFECTIVE.replace('raise TypeError("two\\nlines")', starting)
+    ended = subprocess.run(
+        [sys.executable, "-c", limited, "replay", SPEC, TRACE], capture_output=True, text=True, check=False
+    )
+    assert ended.stderr.startswith("oracle-server: more threads are needed than there are, "), ended.stderr
+    assert ended.returncode == 2
+
+
 def test_traces_that_were_put_together_are_refused(tmp_path: Path) -> None:
     spec, trace = tmp_path / "spec.yaml", tmp_path / "trace.jsonl"
     spec.write_text(
