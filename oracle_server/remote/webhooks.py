@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import secrets
 import socket
+import ssl
 import threading
 import time
 from collections import deque
@@ -47,7 +48,8 @@ class Webhooks:
 
     def __init__(self, receivers: Sequence[Receiver], backoff: Sequence[float] = BACKOFF) -> None:
         """Begin to send to receivers; `backoff` are the seconds before each further try."""
-        self._couriers = [_Courier(receiver, backoff) for receiver in receivers]
+        tls = _trusting()
+        self._couriers = [_Courier(receiver, backoff, tls) for receiver in receivers]
 
     def wants(self, what: str) -> bool:
         """Whether anybody is told of such alarms."""
@@ -92,8 +94,8 @@ class _Queued(NamedTuple):
 class _Courier:
     """Brings alarms to one receiver, in their order."""
 
-    def __init__(self, receiver: Receiver, backoff: Sequence[float]) -> None:
-        self.receiver = receiver
+    def __init__(self, receiver: Receiver, backoff: Sequence[float], tls: ssl.SSLContext) -> None:
+        self.receiver, self._tls = receiver, tls
         self.sent = self.dropped = 0
         self._backoff = backoff
         self._queue: deque[_Queued] = deque()
@@ -126,7 +128,7 @@ class _Courier:
 
     def _run(self) -> None:
         waiting = _Waiting()
-        with httpx.Client(timeout=_WITHIN, follow_redirects=False, trust_env=False) as http:
+        with httpx.Client(timeout=_WITHIN, follow_redirects=False, trust_env=False, verify=self._tls) as http:
             while True:
                 with self._changed:
                     while not self._queue and not self._stopped.is_set():
@@ -188,6 +190,13 @@ class _Waiting:
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # TLS's own would wait for the other side
+
+
+def _trusting() -> ssl.SSLContext:
+    """Trusts the authorities that browsers do, and those of the system or of `SSL_CERT_FILE`, as a company's own."""
+    context = httpx.create_ssl_context(trust_env=False)
+    context.load_default_certs()
+    return context
 
 
 def _attempt(

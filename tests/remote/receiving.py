@@ -7,6 +7,7 @@ import hashlib
 import hmac
 import json
 import queue
+import ssl
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,7 +41,7 @@ class Receiving:
 
 
 @contextmanager
-def receiving() -> Iterator[Receiving]:
+def receiving(tls: ssl.SSLContext | None = None) -> Iterator[Receiving]:
     kept = Receiving()
 
     class Handler(BaseHTTPRequestHandler):
@@ -60,9 +61,11 @@ def receiving() -> Iterator[Receiving]:
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
+    if tls is not None:
+        server.socket = tls.wrap_socket(server.socket, server_side=True)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
-    kept.url = f"http://127.0.0.1:{server.server_address[1]}/alarms"
+    kept.url = f"{'https' if tls else 'http'}://127.0.0.1:{server.server_address[1]}/alarms"
     try:
         yield kept
     finally:

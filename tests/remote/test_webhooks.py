@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import itertools
 import socket
+import ssl
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import trustme
 
 from oracle_server.remote.receivers import Receiver
 from oracle_server.remote.webhooks import MOST, Webhooks
@@ -115,6 +118,25 @@ def test_a_server_that_stops_waits_for_nobody(receiver: Receiving) -> None:
         webhooks.send({"alarm": "violation"})
         receiver.take()
     assert not any(courier._thread.is_alive() for courier in webhooks._couriers)
+
+
+def test_a_receiver_shows_a_certificate_of_an_authority_that_the_system_trusts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a company: those of browsers alone were trusted, and its receivers got nothing."""
+    authority, file = trustme.CA(), tmp_path / "authority.pem"
+    authority.cert_pem.write_to_path(file)
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    authority.issue_cert("127.0.0.1").configure_cert(tls)
+    with receiving(tls) as receiver:
+        with hooks(receiver.url, backoff=()) as webhooks:
+            webhooks.send({"alarm": "violation"})
+            until(lambda: webhooks.dropped == 1)
+        monkeypatch.setenv("SSL_CERT_FILE", str(file))
+        with hooks(receiver.url, backoff=()) as webhooks:
+            webhooks.send({"alarm": "violation", "text": "trusted"})
+            assert receiver.take()[1]["text"] == "trusted"
+            until(lambda: webhooks.sent == 1)
 
 
 def test_an_answer_that_comes_byte_by_byte_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
