@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from oracle_server.cli.client import Client, of_session
+from oracle_server.cli.kept import not_kept
 from oracle_server.cli.tables import show
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import moment
@@ -29,6 +30,8 @@ def show_episodes(
     head = _HEAD if session is not None else ("session", *_HEAD)
     rows = [(item["session"], *_row(item))[-len(head) :] for item in items]
     show({"items": items}, head, rows, as_json=as_json)
+    if session is not None and not (as_json or only_open):
+        sys.stdout.write(not_kept(client, session, client.get(of_session(session)), properties))
     if items and not as_json:
         sys.stdout.write(
             "\n" + "".join(f"{one_line(item['explanation'] or '')} (#{item['first']})\n" for item in items)

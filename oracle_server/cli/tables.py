@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from oracle_server.cli.client import Client, of_session
+from oracle_server.cli.kept import not_kept
 from oracle_server.cli.marks import record_marks, violation_text
 from oracle_server.cli.reasons import explanation_text
 from oracle_server.core.errors import one_line
@@ -74,6 +75,7 @@ def show_verdicts(
     rows = [_row(p | {"first at": first_name(p, now)}, tuple(columns.values())) for p in state["properties"]]
     show(state, tuple(columns), rows, as_json=False)
     _show_caveats(state)
+    sys.stdout.write(not_kept(client, session, state))
     violations = client.pages(of_session(session, "violations"), **{"as": view})
     if violations:
         sys.stdout.write("\n")

@@ -27,6 +27,9 @@ class Told:
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self._episodes = list(episodes)
 
+    def get(self, _: str, **__: object) -> dict[str, Any]:
+        return {"properties": []}
+
     def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
         self.asked.append((path, query))
         return self._episodes

@@ -11,7 +11,7 @@ import pytest
 
 from tests.whole.client import attached, make_event, make_events, stable
 from tests.whole.conftest import Starts
-from tests.whole.harness import Server, problem
+from tests.whole.harness import Server, problem, run
 from tests.whole.stories import play, tell
 from tests.whole.test_stream import stream, take
 
@@ -50,6 +50,21 @@ async def test_the_oldest_events_of_closed_sessions_go_first(start: Starts) -> N
     assert server.get("sessions/two")["counters"]["steps"] == 30
     assert server.http.get("/api/v1/sessions/one").status_code == 404
     await fill(server, "one", 3)
+
+
+async def test_lists_say_from_where_on_violations_are_kept(start: Starts) -> None:
+    server = start()
+    await fill(server, "s", 30)
+    gone = "what was before verdict #21, and was violated, too, is not kept any more\n"
+    for command in ("verdicts", "episodes"):
+        assert "not kept" not in run(command, "s", "--url", server.url).stdout
+    assert server.stop() == 0
+    server = start(**OFTEN, ORACLE_RETAIN_EVENTS="10")
+    await server.until(lambda: kept(server), lambda found: found == {"s": [*range(21, 31)]})
+    for command in ("verdicts", "episodes"):
+        assert gone in run(command, "s", "--url", server.url).stdout
+    assert gone in run("episodes", "s", "--property", "a_is_small", "--url", server.url).stdout
+    assert "not kept" not in run("episodes", "s", "--property", "other", "--url", server.url).stdout
 
 
 @pytest.mark.parametrize("bound", [{"EVENTS": "1"}, {"AGE": "1ms"}, {"SIZE": "1kB"}], ids=str)
