@@ -83,6 +83,15 @@ def test_a_server_that_is_not_there_is_told_in_one_line() -> None:
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    "url", ["postgresql://u:top%secret@h/db", "postgresql://u:top%secret@[::1/db", "postgresql://h/db?top%secret"]
+)
+def test_a_url_that_can_not_be_read_is_told_without_the_password_in_it(url: str) -> None:
+    with pytest.raises(HistoryError, match="the URL of PostgreSQL can't be read: .*`%` as `%25`") as told:
+        PostgresHistory(url)
+    assert "secret" not in str(told.value)
+
+
 def test_a_format_of_a_newer_version_is_refused(postgres: Postgres) -> None:
     url = postgres.empty()
     PostgresHistory(url).close()

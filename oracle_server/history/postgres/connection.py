@@ -9,7 +9,7 @@ import socket
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import psycopg
@@ -72,7 +72,7 @@ class Connection:
         """
         self._patience, self._since = patience, 0.0
         self._severing, self._severed = threading.Lock(), False
-        given = conninfo_to_dict(url)
+        given = _read(url)
         options = f"{given.get('options') or os.environ.get('PGOPTIONS') or ''} {_SESSION}".strip()
         with _told():
             raw = psycopg.connect(
@@ -176,6 +176,18 @@ class Connection:
             raise
         finally:
             self._since = 0.0
+
+
+def _read(url: str) -> Mapping[str, Any]:
+    """What a URL says. Raises `HistoryError`, without what libpq quotes of it: that may be the password."""
+    try:
+        return conninfo_to_dict(url)
+    except psycopg.Error as error:
+        what = _line(error).partition('"')[0].rstrip(" :")
+        raise HistoryError(
+            f"the URL of PostgreSQL can't be read: {what}; in names and passwords special characters are written "
+            "percent-encoded, `%` as `%25`"
+        ) from None
 
 
 def _note(told: psycopg.errors.Diagnostic, warnings: list[str]) -> None:
