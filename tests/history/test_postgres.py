@@ -87,7 +87,7 @@ def test_a_server_that_is_not_there_is_told_in_one_line() -> None:
     "url", ["postgresql://u:top%secret@h/db", "postgresql://u:top%secret@[::1/db", "postgresql://h/db?top%secret"]
 )
 def test_a_url_that_can_not_be_read_is_told_without_the_password_in_it(url: str) -> None:
-    with pytest.raises(HistoryError, match="the URL of PostgreSQL can't be read: .*`%` as `%25`") as told:
+    with pytest.raises(HistoryError, match=r"the URL of PostgreSQL can't be read: .*`%` as `%25`") as told:
         PostgresHistory(url)
     assert "secret" not in str(told.value)
 

@@ -32,16 +32,14 @@ def _is_at_rest(file: Path) -> bool:
     Raises `sqlite3.OperationalError` where what was written last is in a log that can't be read there.
     """
     log, index = (file.with_name(file.name + suffix) for suffix in ("-wal", "-shm"))
-    if not is_read_only(file.parent):
+    if not is_read_only(file.parent) or (log.exists() and index.exists()):
         return False
-    if not log.exists() or not log.stat().st_size:
-        return True
-    if not index.exists():
+    if log.exists() and log.stat().st_size:
         raise sqlite3.OperationalError(
             f"what was written last is in {log.name}, which can't be read on what is mounted read-only: copy the "
             "folder to a disk that can be written"
         )
-    return False
+    return True
 
 
 class SqliteReader(Reader):
