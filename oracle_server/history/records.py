@@ -96,7 +96,7 @@ class PropertyStands(NamedTuple):
 
 
 class OtherSession(NamedTuple):
-    """A session that another server has open, by what is committed: its last position, and its monitors.
+    """A session that another server has open, by what is committed: how many steps it has, and its monitors.
 
     Of each of these it has the name, whether it is attached, and its clock. What `may_end` has no server any more by
     which it could be closed. `unjudged` says why it is not judged any more where it is open.

@@ -68,6 +68,15 @@ async def two(backend: str, folder: Path, postgres: Postgres) -> AsyncIterator[S
 
 
 @pytest.mark.parametrize("backend", ["sqlite", "postgres"])
+async def test_deadlines_are_no_steps_to_who_only_reads(backend: str, tmp_path: Path, postgres: Postgres) -> None:
+    async with two(backend, tmp_path, postgres) as (own, other):
+        own.open_session(opened())
+        own.append(1, [step(1), step(2, kind="tick"), step(3, number=2), step(4, kind="tick")], lambda: None)
+        await own.flush()
+        assert [each.steps for each in await other.open_elsewhere()] == [2]
+
+
+@pytest.mark.parametrize("backend", ["sqlite", "postgres"])
 async def test_what_is_deleted_is_counted_on(backend: str, tmp_path: Path, postgres: Postgres) -> None:
     async with two(backend, tmp_path, postgres) as (own, other):
         await fill(own)

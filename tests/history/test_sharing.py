@@ -65,6 +65,8 @@ async def test_each_session_is_one_servers_and_all_read_it(begin: Begin) -> None
     assert await collected(b.steps(first[0].number, 0)) == [step(1)]
     (other,) = await b.open_elsewhere()
     assert (other.record.id, other.place.node, other.steps) == ("s1", "a", 1)
+    await add(a, step(2, kind="tick"), session=first[0].number)
+    assert [other.steps for other in await b.open_elsewhere()] == [1], "a deadline is no step"
     assert await b.take_over([second[0].number]) == []
     assert b.others
     a.close_session(first[0].number, 5, {})

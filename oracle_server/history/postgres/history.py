@@ -200,7 +200,7 @@ class PostgresHistory(SqlHistory):
     def _other(self, row: Row) -> OtherSession:
         record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-10:-7])
         steps, outcomes, degraded, pending, told, them, state = row[-7:]
-        properties = stands(record.properties, outcomes, degraded, pending, told) if steps else []
+        properties = stands(record.properties, outcomes, degraded, pending, told) if outcomes else []
         monitors = [tuple(one) for one in _decode(them or "[]")]
         return OtherSession(record, place, steps, properties, monitors, unjudged=noted(state))
 

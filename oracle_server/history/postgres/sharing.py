@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from oracle_server.history.sql.episodes import VIOLATIONS
 from oracle_server.history.sql.schema import SESSION_COLUMNS
-from oracle_server.history.sql.statements import OF_A_SESSION
+from oracle_server.history.sql.statements import COUNTED, OF_A_SESSION
 
 _COLUMNS = ",".join(f"s.{name}" for name in SESSION_COLUMNS)
 
@@ -28,7 +28,7 @@ OWN_OPEN = (
 OTHERS_OPEN = (
     f"SELECT {_COLUMNS}, o.node, n.url, coalesce(n.until > clock_timestamp(), false), "  # noqa: S608
     f"""
-    coalesce(last.position, 0), coalesce(last.standing, last.outcomes),
+    {COUNTED}, coalesce(last.standing, last.outcomes),
     coalesce(last.standing_degraded, last.degraded), last.pending,
     e.told::text, m.them::text, s.state
 FROM sessions s LEFT JOIN owners o ON o.session = s.number LEFT JOIN nodes n ON n.node = o.node

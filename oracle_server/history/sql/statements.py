@@ -15,6 +15,11 @@ EXTENT = (  # each end by itself: one query for both would read all that is betw
     "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
     "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0)"
 )
+COUNTED = (
+    "coalesce((SELECT number FROM steps WHERE session = s.number AND ord = s.decides AND stream <> '' AND number > 0 "
+    "ORDER BY position DESC LIMIT 1), 0)"
+)
+"""How many steps a session has, in the order that decides: positions count deadlines and revisions, too."""
 LAST_TIME = (
     "SELECT coalesce(max((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1)), 0) "
     "FROM sessions s WHERE kind = 'robot' AND id NOT LIKE '%@%'"

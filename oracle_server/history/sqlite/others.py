@@ -13,12 +13,13 @@ from oracle_server.history.sql.episodes import VIOLATIONS
 from oracle_server.history.sql.rows import Row, session_of
 from oracle_server.history.sql.schema import SESSION_COLUMNS
 from oracle_server.history.sql.standing import stands
+from oracle_server.history.sql.statements import COUNTED
 from oracle_server.history.sql.troubles import noted
 
 OPEN = (
     f"SELECT {','.join(f's.{name}' for name in SESSION_COLUMNS)}, "  # noqa: S608 -- no value is in it
     f"""
-    coalesce(last.position, 0), coalesce(last.standing, last.outcomes),
+    {COUNTED}, coalesce(last.standing, last.outcomes),
     coalesce(last.standing_degraded, last.degraded), last.pending,
     (SELECT json_group_object(property, json_array(violations, first)) FROM ({VIOLATIONS})),
     (SELECT json_group_array(json_array(name, attached, clock)) FROM monitors WHERE session = s.number), s.state
@@ -46,7 +47,7 @@ def other(place: Elsewhere | None, row: Row) -> OtherSession:
     """A row of `OPEN` as a session at a place, or at the robot that forwarded it."""
     record = session_of(row[: len(SESSION_COLUMNS)])
     steps, outcomes, degraded, pending, told, them, state = row[-7:]
-    properties = stands(record.properties, outcomes, degraded, pending, told) if steps else []
+    properties = stands(record.properties, outcomes, degraded, pending, told) if outcomes else []
     monitors = [(name, attached > 0, clock) for name, attached, clock in _decode(them)]
     origin = origin_of(record.id)
     if place is None or origin is not None:
