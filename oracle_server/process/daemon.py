@@ -21,6 +21,7 @@ from oracle_server.core.errors import OracleError
 from oracle_server.process.notify import READY, STATUS, VARIABLE
 from oracle_server.process.pidfile import Running, is_held_by, running
 from oracle_server.process.settings import Settings
+from oracle_server.process.worker import command
 
 LOG = "server.log"
 NOT_RUNNING = 3
@@ -71,9 +72,10 @@ def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bo
     """
     with _open_log(log) as output, _readiness() as (listener, address):
         begin = output.seek(0, os.SEEK_END)
-        process = subprocess.Popen(
-            [sys.executable, "-m", "oracle_server", "serve"],
-            env={**environment, VARIABLE: address},
+        line, found = command("oracle_server", "serve")
+        process = subprocess.Popen(  # noqa: S603
+            line,
+            env={**environment, "PYTHONPATH": found["PYTHONPATH"], VARIABLE: address},
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,

@@ -33,9 +33,10 @@ class WorkerError(OracleError):
 def command(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
     """The command line and the environment of a module of this package as a process.
 
-    It is found where this is, and not in the folder that the server was started in.
+    It is found where this is; nothing is taken from the folder that this was started in, as a `yaml.py` of somebody's.
     """
-    env = os.environ | {"PYTHONPATH": str(Path(oracle_server.__file__).parents[1])}
+    paths = str(Path(oracle_server.__file__).parents[1]), os.environ.get("PYTHONPATH")
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
     return [sys.executable, "-P", "-m", module, *arguments], env
 
 

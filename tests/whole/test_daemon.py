@@ -69,6 +69,19 @@ def test_it_starts_whatever_the_folder_of_temporary_files_is_called(data: Path, 
     assert run("stop", "--data-dir", data).returncode == 0
 
 
+def test_it_starts_in_a_folder_with_modules_of_the_same_names(
+    data: Path, specs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of a robot's package are called `yaml.py` and `queue.py`, too; another version's checkout, like this."""
+    folder = tmp_path / "mine"
+    (folder / "oracle_server").mkdir(parents=True)
+    for name in ("oracle_server/__init__.py", "yaml.py", "queue.py", "typing_extensions.py"):
+        (folder / name).write_text("raise SystemExit('this is not what is meant')\n", encoding="utf-8")
+    monkeypatch.chdir(folder)
+    start(data, specs)
+    assert run("stop", "--data-dir", data).returncode == 0
+
+
 def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
     """Every option that `start` shares with `serve` reaches the server that it starts."""
     shared = {*signature(serving.serve).parameters} & {*signature(serving.start).parameters} & {*Settings.model_fields}

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import signal
+import subprocess
 import threading
 from pathlib import Path, PosixPath
 from typing import Any, Literal
+
+import pytest
 
 from oracle_server.replay.many.judging import Task, Unit
 from oracle_server.replay.many.row import Row
 from oracle_server.replay.many.workers import Ended, Workers
 from tests.replay.many.recordings import judged, question, write_recordings, write_specs
+from tests.whole.harness import COMMAND
 
 AGES = 600.0
 
@@ -73,6 +78,23 @@ def test_processes_judge_as_this_one_does(tmp_path: Path) -> None:
     found = run(recordings, specs)
     for i, path in enumerate(recordings):
         assert found[i] == judged(question(specs), path)
+
+
+def test_nothing_is_taken_from_the_folder_that_it_is_run_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bags come from others, and are looked at where they were unpacked."""
+    specs, recordings = write_specs(tmp_path), write_recordings(tmp_path / "recordings", 1)
+    for name in ("struct.py", "queue.py", "yaml.py"):
+        (tmp_path / "recordings" / name).write_text("raise SystemExit('this is not what is meant')\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path / "recordings")
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    ended = subprocess.run(
+        [COMMAND, "replay", *recordings, "--on", specs[0], "-j", "2", "--format", "jsonl"],
+        capture_output=True, encoding="utf-8", check=False,
+    )  # fmt: skip
+    rows = [json.loads(line) for line in ended.stdout.splitlines()]
+    assert [row["error"] for row in rows] == [None] * len(rows), ended
+    assert rows
+    assert ended.stderr == ""
 
 
 def test_a_process_that_is_killed_is_an_error_of_its_recording(tmp_path: Path) -> None:
