@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from oracle_server.core.errors import one_line
+from oracle_server.core.errors import OracleError, one_line
 from oracle_server.core.spec import By
 from oracle_server.core.units import counted
 from oracle_server.history.views import View
@@ -40,18 +40,23 @@ def run_replay(
     verdicts are told of a spec that revises; a JUnit report tells those that stand. Raises `SpecError` and `TraceError`
     where an input can't be used.
     """
-    refuse_swapped(specs, trace)
-    known = Types(types)
-    loaded = [read_spec(path, known, by) for path in specs]
-    marked = [Marked(str(path), property_places(file.text)) for path, file in zip(specs, loaded, strict=True)]
-    report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals, specs=marked)
+    marked: list[Marked] = []
+    report = make_report(form, sys.stdout, several=len(specs) > 1, signals=signals, specs=marked)
+    told: View = "standing" if form in ("junit", "github") else view
     statuses = []
-    for file in loaded:
-        say(doubtful(file))
-        told: View = "standing" if form in ("junit", "github") else view
-        replay = prepare(file, trace, by, types, known, strict=strict, view=told)
-        _run(replay, report)
-        statuses.append(_tell(replay, form))
+    try:
+        refuse_swapped(specs, trace)
+        known = Types(types)
+        loaded = [read_spec(path, known, by) for path in specs]
+        marked += [Marked(str(path), property_places(file.text)) for path, file in zip(specs, loaded, strict=True)]
+        for file in loaded:
+            say(doubtful(file))
+            replay = prepare(file, trace, by, types, known, strict=strict, view=told)
+            _run(replay, report)
+            statuses.append(_tell(replay, form))
+    except OracleError as error:
+        report.finish(str(error))
+        raise
     report.finish()
     sys.stdout.flush()
     return gravest(statuses)

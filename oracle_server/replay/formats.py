@@ -27,8 +27,8 @@ class Report(Protocol):
         """Add the summary of a replay that has ended."""
         ...
 
-    def finish(self) -> None:
-        """End the report."""
+    def finish(self, why: str = "") -> None:
+        """End the report; `why`: an input can't be used, so that not all was judged, which standard error says, too."""
         ...
 
 
@@ -43,7 +43,7 @@ def make_report(
     """A report that is written to `out`; with `several` specs, each record names its spec.
 
     With `signals` a report as text counts the signals of every stream; one of annotations marks places in the `specs`,
-    which are those of the replays, in their order.
+    which are those of the replays, in their order, and may be added later.
     """
     if form == "github":
         return GithubReport(out, specs)

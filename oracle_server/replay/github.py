@@ -9,7 +9,7 @@ from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import UNJUDGED, Conclusion, conclude
 from oracle_server.replay.run import Replay
 from oracle_server.replay.violated import episode_lines, violated_text
-from oracle_server.specfiles.annotations import annotation
+from oracle_server.specfiles.annotations import annotation, remark
 from oracle_server.specfiles.document import Position
 
 
@@ -40,8 +40,10 @@ class GithubReport:
             said = f"{name}: {text}" if name else text.removeprefix(path)
             self._out.write(annotation(severity, marked.file, place, path + said) + "\n")
 
-    def finish(self) -> None:
-        """Write nothing more."""
+    def finish(self, why: str = "") -> None:
+        """Write why an input can't be used."""
+        if why:
+            self._out.write(remark(why) + "\n")
 
 
 def _told(replay: Replay, end: Conclusion) -> Iterator[tuple[Literal["error", "warning"], str, str]]:

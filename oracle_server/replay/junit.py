@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import IO, Any
 from xml.sax.saxutils import escape, quoteattr
 
@@ -32,14 +33,21 @@ class JunitReport:
         end = conclude(replay)
         cases = [self._case(replay, end, name, state) for name, state in replay.states().items()]
         if end.strict and (end.doubts or end.warnings):
-            cases.append(_of_recording(replay, end))
+            lines = (*end.doubts, *end.warnings)
+            lacks = f"not everything was judged, and --strict was given: {lines[0]}"
+            cases.append(_of_recording(replay.spec.id, lacks, lines))
         wrong = {kind: sum(f"<{kind} " in case for case in cases) for kind in ("failure", "error")}
         counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="0"'
         head = f'  <testsuite name={_attribute(replay.spec.id)} tests="{len(cases)}" {counts}>\n'
         self._suites.append(head + "".join(cases) + _said(replay, end) + "  </testsuite>\n")
 
-    def finish(self) -> None:
-        """Write all suites."""
+    def finish(self, why: str = "") -> None:
+        """Write all suites, and one in error where an input can't be used: an empty file is none that a CI reads."""
+        if why:
+            self._suites.append(
+                '  <testsuite name="replay" tests="1" failures="0" errors="1" skipped="0">\n'
+                f"{_of_recording('replay', why.splitlines()[0], why.splitlines())}  </testsuite>\n"
+            )
         self._out.write('<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>\n')
         self._out.write("".join(self._suites))
         self._out.write("</testsuites>\n")
@@ -61,12 +69,10 @@ class JunitReport:
         return f"{head}>\n{inside}    </testcase>\n" if inside else f"{head}/>\n"
 
 
-def _of_recording(replay: Replay, end: Conclusion) -> str:
-    """A case for what a strict replay needs, and is no matter of one property."""
-    lines = (*end.doubts, *end.warnings)
-    message = f"not everything was judged, and --strict was given: {lines[0]}"
+def _of_recording(name: str, message: str, lines: Sequence[str]) -> str:
+    """A case for what is no matter of one property: what a strict replay lacks, or an input that can't be used."""
     text = "\n".join(escape(one_line(line)) for line in lines)
-    head = f'    <testcase classname={_attribute(replay.spec.id)} name="(recording)">\n'
+    head = f'    <testcase classname={_attribute(name)} name="(recording)">\n'
     return f"{head}      <error message={_attribute(message)}>{text}</error>\n    </testcase>\n"
 
 

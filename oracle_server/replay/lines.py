@@ -36,7 +36,7 @@ class JsonReport:
         self._differences(replay)
         self._write({"summary": replay.summary() | conclude(replay).as_data()})
 
-    def finish(self) -> None:
+    def finish(self, why: str = "") -> None:
         """Write nothing more."""
 
     def _write(self, value: object) -> None:

@@ -60,5 +60,5 @@ class CsvReport:
     def ended(self, replay: Replay) -> None:
         """Write nothing: the table has no summary."""
 
-    def finish(self) -> None:
+    def finish(self, why: str = "") -> None:
         """Write nothing more."""

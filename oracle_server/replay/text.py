@@ -60,7 +60,7 @@ class TextReport:
         for line in (*lines, *end.doubts, *end.remarks, *_failures(end.coverage)):
             self._write(replay, one_line(line))
 
-    def finish(self) -> None:
+    def finish(self, why: str = "") -> None:
         """Write nothing more."""
 
     def _write(self, replay: Replay, line: str) -> None:

@@ -17,6 +17,11 @@ def annotation(severity: Literal["error", "warning"], file: str, place: Position
     return f"::{severity} file={_value(file)},line={line},col={column}::{_data(one_line(message))}"
 
 
+def remark(message: str) -> str:
+    """A workflow command, in one line, for an error that is at no place of a file."""
+    return f"::error::{_data(one_line(message))}"
+
+
 def property_places(text: str) -> Mapping[str, Position]:
     """Where the id of each property stands in the text of a sound spec."""
     from oracle_server.specfiles.document import read_yaml

@@ -146,3 +146,22 @@ def test_a_violation_by_a_late_event_says_so(odd: Path, tmp_path: Path) -> None:
     said = run("replay", odd, trace, "--by", "publication").stdout
     assert "low does not hold at step 3 (101.000 s), /a (topic 3 of replay), which came late: " in said
     assert "late: " not in run("replay", odd, trace, "--by", "arrival").stdout
+
+
+@pytest.mark.parametrize("bad", ["a recording that is not there", "a line that is no event", "an unsound spec"])
+def test_a_ci_is_told_why_an_input_can_not_be_used(bad: str, odd: Path, tmp_path: Path) -> None:
+    """The file was empty, which a CI can't read."""
+    trace, spec = tmp_path / "trace.jsonl", tmp_path / "second.yaml"
+    lines = [json.dumps({"stream": "/a", "stamp": i, "data": {"v": 7}}) for i in range(1, 4)]
+    trace.write_text("\n".join([*lines, "broken"] if bad.startswith("a line") else lines) + "\n")
+    spec.write_text(ODD.replace("odd", "second").replace("v < 5", "v <" if bad == "an unsound spec" else "v < 5"))
+    recording = tmp_path / "none.bag" if bad.startswith("a recording") else trace
+    ended = run("replay", odd, spec, recording, "--format", "junit")
+    assert ended.returncode == 2
+    (suite,) = ElementTree.fromstring(ended.stdout).findall("testsuite")
+    (error,) = suite.findall("testcase[@name='(recording)']/error")
+    assert (suite.get("tests"), suite.get("errors")) == ("1", "1")
+    (why,) = ended.stderr.splitlines()
+    assert error.get("message") == why.removeprefix("oracle-server: ")
+    annotated = run("replay", odd, spec, recording, "--format", "github")
+    assert (annotated.returncode, annotated.stdout) == (2, f"::error::{error.get('message')}\n")
