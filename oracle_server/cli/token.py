@@ -27,9 +27,17 @@ def add(
 ) -> None:
     """Create a token and print it; it is not shown again. A running server accepts it at once."""
     from oracle_server.edge import tokens
+    from oracle_server.process.pidfile import running
     from oracle_server.process.settings import load_settings
 
-    typer.echo(tokens.add(load_settings(data_dir=data_dir).token_file, name, [s.value for s in scope], spec, session))
+    settings = load_settings(data_dir=data_dir)
+    typer.echo(tokens.add(settings.token_file, name, [s.value for s in scope], spec, session))
+    if settings.tokens is None and running(settings.data_dir) is None:
+        typer.echo(
+            f"oracle-server: kept in {settings.token_file}, for a server with this data directory, and none runs now; "
+            "one with another directory asks for no token: name that by --data-dir",
+            err=True,
+        )
 
 
 def remove(name: Annotated[str, typer.Argument(metavar="NAME")], data_dir: DataDir = None) -> None:

@@ -243,9 +243,19 @@ def test_the_file_holds_no_token(tmp_path: Path) -> None:
     assert "no token 'b'" in failed("token", "remove", "b", "--data-dir", tmp_path)
 
 
+def test_where_no_server_knows_of_a_token_is_told(tmp_path: Path) -> None:
+    """Whoever adds it to the wrong folder would think that the server, which runs with another, asks for it."""
+    added = run("token", "add", "a", "--scope", "read", "--data-dir", tmp_path)
+    assert added.returncode == 0
+    assert added.stdout.count("\n") == 1
+    assert added.stderr.startswith(f"oracle-server: kept in {tmp_path / 'tokens.json'}, for a server with this data ")
+
+
 def test_tokens_come_and_go_while_the_server_runs(guarded: Guarded) -> None:
     data = guarded.server.data
-    guarded.secrets["late"] = run("token", "add", "late", "--scope", "read", "--data-dir", data).stdout.strip()
+    added = run("token", "add", "late", "--scope", "read", "--data-dir", data)
+    assert added.stderr == ""
+    guarded.secrets["late"] = added.stdout.strip()
     assert guarded.ask("late", "GET", "/api/v1/sessions").status_code == 200
     assert run("token", "remove", "late", "--data-dir", data).returncode == 0
     problem(guarded.ask("late", "GET", "/api/v1/sessions"), 401)
