@@ -68,7 +68,8 @@ def start(settings: Settings, within: float) -> None:
 def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bool = True) -> Launched:
     """Start a server by an environment, in a session of its own, and return once it accepts work.
 
-    Raises `DaemonError` if it does not within `within` seconds; it is ended then, unless it is to be kept.
+    Raises `DaemonError` if it does not within `within` seconds; it is ended then, unless it is to be kept. Ctrl-C ends
+    it, too, in good order.
     """
     with _open_log(log) as output, _readiness() as (listener, address):
         begin = output.seek(0, os.SEEK_END)
@@ -83,6 +84,10 @@ def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bo
         )
         try:
             status = _wait_until_ready(process, listener, time.monotonic() + within, log, begin)
+        except KeyboardInterrupt:
+            process.terminate()
+            process.wait()
+            raise
         except BaseException:
             if not keep:
                 process.kill()

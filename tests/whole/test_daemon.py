@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from oracle_server.cli import serving
+from oracle_server.process import daemon
 from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
 from oracle_server.process.pidfile import NAME, PidFile, running
 from oracle_server.process.settings import Settings
@@ -80,6 +81,23 @@ def test_it_starts_in_a_folder_with_modules_of_the_same_names(
     monkeypatch.chdir(folder)
     start(data, specs)
     assert run("stop", "--data-dir", data).returncode == 0
+
+
+def test_ctrl_c_while_it_starts_ends_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It came up in the background, and nothing was said of it."""
+    launched = []
+
+    def interrupted(process: subprocess.Popen[bytes], *_: object) -> str:
+        launched.append(process)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(daemon, "_wait_until_ready", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        daemon.launch({**os.environ, "ORACLE_DATA_DIR": str(tmp_path), "ORACLE_PORT": "0"}, tmp_path / "log", 1.0)
+    (server,) = launched
+    ended = server.poll()
+    server.kill()
+    assert ended in (0, -signal.SIGTERM)
 
 
 def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
