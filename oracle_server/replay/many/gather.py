@@ -15,6 +15,8 @@ from oracle_server.replay.ros1file import MAGIC as ROS1
 
 _NAMED = frozenset({".bag", ".mcap", ".db3", ".jsonl", ".zstd"})
 """What recordings are called: such a file is one, whatever it holds."""
+_UNREAD = frozenset({".gz", ".xz", ".bz2", ".lz4", ".zip"})
+"""What is behind that where a recording was compressed, and can't be read so: it is one that can't be used."""
 _NUMBERED = frozenset(MAGICS) - {ROS1}
 """How the files begin that `ros2 bag` numbers."""
 
@@ -78,11 +80,16 @@ def _inside(folder: Path, passed: Collection[Path]) -> Gathered:
             found.append(path)
         elif path.absolute() in passed:
             continue
-        elif path.suffix in _NAMED or (path.is_file() and is_recording(path)):
+        elif _is_named(path) or (path.is_file() and is_recording(path)):
             found.append(path)
         else:
             others += 1
     return Gathered(found, others)
+
+
+def _is_named(path: Path) -> bool:
+    """Whether a file is called as recordings are, compressed ones included."""
+    return path.suffix in _NAMED or (path.suffix in _UNREAD and Path(path.stem).suffix in _NAMED)
 
 
 def _walk(folder: Path) -> Iterator[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 from pathlib import Path
 
@@ -36,6 +37,20 @@ def test_a_folder_is_its_recordings_by_name(tmp_path: Path) -> None:
     assert found.recordings == [log, *plain, tmp_path / "c.bag", bag, split, alone]
     assert found.others == 2
     assert gather([tmp_path], without=[log]).recordings == found.recordings[1:]
+
+
+@pytest.mark.parametrize("name", ["night.jsonl.gz", "night.bag.xz", "night.mcap.zip"])
+def test_what_was_compressed_is_a_recording_that_can_not_be_used(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was passed over as no recording, and what else the folder had could be a success."""
+    folder = tmp_path / "logs"
+    (plain,) = write_recordings(folder, 1)
+    (folder / name).write_bytes(gzip.compress(plain.read_bytes()))
+    (folder / "map.pgm.gz").write_bytes(gzip.compress(b"P5"))
+    assert gather([folder]) == ([folder / name, plain], 1)
+    assert run_many([folder], write_specs(tmp_path)[:1], None, "text") == 2
+    assert f"{folder / name}: is compressed by gzip, which is not read: decompress it first" in capsys.readouterr().out
 
 
 def test_bags_of_ros_1_are_recordings_of_their_own(tmp_path: Path) -> None:
