@@ -213,4 +213,5 @@ def _conclude(gathered: Gathered, tally: Tally, out: Path | None, form: Format) 
         )
     if gathered.others:
         lines.append(f"{counted(gathered.others, 'file')} in the folders passed over: no recordings")
+    lines += [f"{link}: is a folder by a link, and passed over: name it, too" for link in gathered.links]
     say(lines)

@@ -22,10 +22,11 @@ _NUMBERED = frozenset(MAGICS) - {ROS1}
 
 
 class Gathered(NamedTuple):
-    """Recordings, each once, and how many other files their folders have."""
+    """Recordings, each once, how many other files their folders have, and folders by links, which are passed over."""
 
     recordings: list[Path]
     others: int
+    links: list[Path]
 
 
 def gather(arguments: Sequence[Path], without: Collection[Path] = ()) -> Gathered:
@@ -35,20 +36,21 @@ def gather(arguments: Sequence[Path], without: Collection[Path] = ()) -> Gathere
     read. The files `without` are passed over. Raises `TraceError` where there is none.
     """
     found: dict[Path, None] = {}
-    others = 0
+    others, links = 0, list[Path]()
     passed = {path.absolute() for path in without}
     for argument in arguments:
         named = _matching(argument) if not argument.exists() and glob.has_magic(str(argument)) else [argument]
         for path in named:
-            if not path.is_dir() or path.suffix == ".jsonl" or _is_bag(path):
+            if not path.is_dir() or _is_one(path):
                 found[path] = None
                 continue
             inside = _inside(path, passed)
             found |= dict.fromkeys(inside.recordings)
             others += inside.others
+            links += inside.links
     if not found:
         raise TraceError(f"{', '.join(map(str, arguments))}: has no recordings: no bags, and no logs in JSON Lines")
-    return Gathered(list(found), others)
+    return Gathered(list(found), others, [link for link in links if link not in arguments])
 
 
 def _matching(pattern: Path) -> list[Path]:
@@ -56,6 +58,10 @@ def _matching(pattern: Path) -> list[Path]:
     if not found:
         raise TraceError(f"{pattern}: there is no such file, and none of this pattern")
     return found
+
+
+def _is_one(folder: Path) -> bool:
+    return folder.suffix == ".jsonl" or _is_bag(folder)
 
 
 def _is_bag(folder: Path) -> bool:
@@ -73,18 +79,18 @@ def _begins(path: Path) -> bool:
 
 
 def _inside(folder: Path, passed: Collection[Path]) -> Gathered:
-    found: list[Path] = []
+    found, links = list[Path](), list[Path]()
     others = 0
     for path in _walk(folder):
         if path.is_dir():
-            found.append(path)
+            (links if path.is_symlink() and not _is_one(path) else found).append(path)
         elif path.absolute() in passed:
             continue
         elif _is_named(path) or (path.is_file() and is_recording(path)):
             found.append(path)
         else:
             others += 1
-    return Gathered(found, others)
+    return Gathered(found, others, links)
 
 
 def _is_named(path: Path) -> bool:
@@ -93,7 +99,7 @@ def _is_named(path: Path) -> bool:
 
 
 def _walk(folder: Path) -> Iterator[Path]:
-    """Files and bags below a folder, by their names; hidden ones, and folders by links, are passed over."""
+    """Files and bags below a folder, by their names, and folders by links; hidden ones are passed over."""
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
     except OSError as error:
@@ -103,9 +109,9 @@ def _walk(folder: Path) -> Iterator[Path]:
         if entry.name.startswith("."):
             continue
         if entry.is_dir():
-            if path.suffix == ".jsonl" or _is_bag(path):
+            if entry.is_symlink() or _is_one(path):
                 yield path
-            elif not entry.is_symlink():
+            else:
                 yield from _walk(path)
         else:
             yield path

@@ -48,9 +48,23 @@ def test_what_was_compressed_is_a_recording_that_can_not_be_used(
     (plain,) = write_recordings(folder, 1)
     (folder / name).write_bytes(gzip.compress(plain.read_bytes()))
     (folder / "map.pgm.gz").write_bytes(gzip.compress(b"P5"))
-    assert gather([folder]) == ([folder / name, plain], 1)
+    assert gather([folder]) == ([folder / name, plain], 1, [])
     assert run_many([folder], write_specs(tmp_path)[:1], None, "text") == 2
     assert f"{folder / name}: is compressed by gzip, which is not read: decompress it first" in capsys.readouterr().out
+
+
+def test_a_folder_by_a_link_is_said_to_be_passed_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It may lead round in a circle; what is in it was left out without a word."""
+    (plain,) = write_recordings(tmp_path / "logs", 1)
+    elsewhere, link = tmp_path / "elsewhere", tmp_path / "logs" / "today"
+    write_recordings(elsewhere, 2)
+    link.symlink_to(elsewhere)
+    bag = write_numbers(tmp_path / "d", {"/n": [(0, 1.0)]}, StoragePlugin.MCAP)
+    (tmp_path / "logs" / "bag").symlink_to(bag)
+    assert gather([tmp_path / "logs"]) == ([tmp_path / "logs" / "bag", plain], 0, [link])
+    assert gather([link, tmp_path / "logs"]).links == []
+    run_many([tmp_path / "logs"], write_specs(tmp_path)[:1])
+    assert f"oracle-server: {link}: is a folder by a link, and passed over: name it, too" in capsys.readouterr().err
 
 
 def test_bags_of_ros_1_are_recordings_of_their_own(tmp_path: Path) -> None:
