@@ -37,13 +37,17 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
 
 def refuse_swapped(specs: Sequence[Path], recording: Path) -> None:
     """Raise `TraceError` where a recording stands among the specs, or a spec in the place of the recording."""
-    among = next((path for path in specs if is_recording(path)), None)
-    if among is not None:
+    from oracle_server.replay.folder import METADATA
+
+    if stray := [path for path in specs if is_recording(path)]:
+        among = stray[0]
         what = f"{among}: is a recording, and stands where a spec is expected"
         others = [path for path in (*specs, recording) if path != among]
-        if len(others) == len(specs) and not is_recording(recording):
+        if len(stray) == 1 and len(others) == len(specs) and not is_recording(recording):
             raise TraceError(f"{what}; write `replay {' '.join(map(str, others))} {among}`")
         raise TraceError(f"{what}: `replay SPEC… RECORDING`; many recordings: `replay RECORDING… --on SPEC…`")
+    if recording.name == METADATA and recording.is_file():
+        raise TraceError(f"{recording}: is the metadata of a bag; name its folder: {recording.parent}")
     if is_spec(recording):
         raise TraceError(
             f"{recording}: is a spec, and stands where the recording is expected: `replay SPEC… RECORDING`"

@@ -218,9 +218,12 @@ def test_arguments_in_the_wrong_order_are_told(tmp_path: Path) -> None:
         f"oracle-server: {trace}: is a recording, and stands where a spec is expected: `replay SPEC… RECORDING`; "
         "many recordings: `replay RECORDING… --on SPEC…`"
     )
+    assert failed("replay", trace, other, SPEC).endswith("many recordings: `replay RECORDING… --on SPEC…`")
     assert "is a spec, and stands where" in failed("replay", tmp_path, SPEC)
     (tmp_path / "metadata.yaml").touch()
     assert failed("replay", tmp_path, SPEC).startswith(f"oracle-server: {tmp_path}: is a recording, and stands")
+    line = failed("replay", SPEC, tmp_path / "metadata.yaml")
+    assert line == f"oracle-server: {tmp_path / 'metadata.yaml'}: is the metadata of a bag; name its folder: {tmp_path}"
     assert failed("replay", SPEC, SPEC) == (
         f"oracle-server: {SPEC}: is a spec, and stands where the recording is expected: `replay SPEC… RECORDING`"
     )
