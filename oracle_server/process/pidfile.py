@@ -112,7 +112,9 @@ def running(folder: Path) -> Running | None:
                 time.sleep(_POLL_INTERVAL)  # it is being written
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise PidFileError(f"{folder / NAME}: can't be read: {error.strerror}; --data-dir names a folder") from None
+    except ValueError as error:
         raise PidFileError(f"{folder / NAME}: can't be read: {error}") from None
     return None
 

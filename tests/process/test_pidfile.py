@@ -60,3 +60,12 @@ def test_an_adapter_that_is_ending_is_waited_for_and_a_server_is_not(
     with pytest.raises(PidFileError, match="uses this data directory"):
         PidFile(tmp_path, embedded=True, wait=PATIENCE)
     server.release()
+
+
+def test_a_data_directory_that_is_a_file_is_told_in_words(tmp_path: Path) -> None:
+    """The system's number of the error, and the path once more, stood there."""
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(PidFileError) as error:
+        running(file)
+    assert str(error.value) == f"{file / NAME}: can't be read: Not a directory; --data-dir names a folder"
