@@ -214,7 +214,8 @@ def _wait_until_ready(
             elif told == READY:
                 return status
         if process.poll() is not None:
-            raise DaemonError(_last_line(log, begin) or f"the server ended at once; see {log}")
+            silent = f"the server ended at once, with nothing in {log}, as on a full disk; `serve` says why"
+            raise DaemonError(_last_line(log, begin) or silent)
         if time.monotonic() > deadline:
             raise DaemonError(
                 f"the server (pid {process.pid}) does not accept work yet and is still starting; "

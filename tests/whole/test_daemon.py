@@ -100,6 +100,13 @@ def test_ctrl_c_while_it_starts_ends_the_server(tmp_path: Path, monkeypatch: pyt
     assert ended in (0, -signal.SIGTERM)
 
 
+def test_a_server_that_could_write_no_reason_is_told_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the disk is full: the log that was named was empty."""
+    monkeypatch.setattr(daemon, "command", lambda *_: (["false"], {"PYTHONPATH": ""}))
+    with pytest.raises(daemon.DaemonError, match="log, as on a full disk; `serve` says why"):
+        daemon.launch(os.environ, tmp_path / "log", 60.0)
+
+
 def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
     """Every option that `start` shares with `serve` reaches the server that it starts."""
     shared = {*signature(serving.serve).parameters} & {*signature(serving.start).parameters} & {*Settings.model_fields}
