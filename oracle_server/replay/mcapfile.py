@@ -16,6 +16,8 @@ from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message,
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 1, 2, 3, 4, 5, 6, 11
+_NOTHING = 0
+"""The kind of no record: what a disk had room for and not written yet, when the power went, is all zeros."""
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
@@ -83,7 +85,7 @@ class McapFile(InBlocks):
             elif kind == _CHUNK:
                 start, end = self._heading(_CHUNK_HEAD, there)[:2]
                 self._blocks.append(Block(start, body, there, end=end or LATEST))
-            if there < length:
+            if there < length or kind == _NOTHING:
                 break
             if kind in (_HEADER, _SCHEMA, _CHANNEL, _STATISTICS) and length <= _LARGEST_NOTE:
                 self._file.seek(body)
@@ -177,7 +179,7 @@ class McapFile(InBlocks):
         while at + _RECORD.size <= size:
             kind, length = _RECORD.unpack_from(data, at)
             at += _RECORD.size
-            if at + length > size:
+            if at + length > size or kind == _NOTHING:
                 whole = False
                 break
             if kind == _MESSAGE and length >= _MESSAGE_HEAD.size:

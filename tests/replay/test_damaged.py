@@ -90,6 +90,21 @@ def test_an_mcap_of_a_robot_that_lost_its_power_is_judged_as_far_as_it_goes(
     assert before < len(MANY)
 
 
+def test_an_mcap_whose_end_is_all_zeros_is_read_up_to_them(numbers: Spec, tmp_path: Path) -> None:
+    """Each nine of them were taken for a record, minutes for what a disk had room for when the power went."""
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.MCAP)
+    path = rewrite(next(bag.glob("*.mcap")), tmp_path / "zeros.mcap", CompressionType.ZSTD)
+    with closing(McapFile(path)) as file:
+        chunk = max(block.offset + block.length for block in file._blocks)
+    data = path.read_bytes()
+    path.write_bytes(data[:chunk] + bytes(9_000))
+    found = judge(numbers, path)
+    assert not isinstance(found, str)
+    assert f"zeros.mcap: ends early, in the record at byte {chunk} of {chunk + 9_000}" in found.doubts
+    (counts,) = found.coverage.values()
+    assert counts["events"] == len(MANY)
+
+
 def test_a_chunk_that_differs_from_its_checksum_is_left_out_and_said(numbers: Spec, tmp_path: Path) -> None:
     bag = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.MCAP)
     path = rewrite(next(bag.glob("*.mcap")), tmp_path / "flipped.mcap", CompressionType.NONE)
