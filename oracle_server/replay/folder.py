@@ -30,6 +30,8 @@ MAGICS = (*_KINDS, ZSTD)
 """How the files of bags begin."""
 METADATA = "metadata.yaml"
 """The file that makes a folder a bag of ROS 2."""
+_MOST_TIMES = 8
+"""How often over a file may be compressed."""
 _LARGEST = 2**26
 """The most bytes of metadata."""
 _NAMED = 5
@@ -105,10 +107,15 @@ def _parts(found: list[Path]) -> list[Path] | None:
     return [numbered.get(at, found[0].with_name(f"{name}_{at}{suffix}")) for at in range(first, last + 1)]
 
 
-def open_storage(path: Path, stack: ExitStack) -> Storage:
-    """One file of a bag, opened by what it begins with, until `stack` is closed. Raises `TraceError` and OSError."""
+def open_storage(path: Path, stack: ExitStack, times: int = 0) -> Storage:
+    """One file of a bag, opened by what it begins with, until `stack` is closed. Raises `TraceError` and OSError.
+
+    So many `times` it was decompressed before.
+    """
     magic = begins_as(path)
     if magic == ZSTD:
+        if times == _MOST_TIMES:
+            raise TraceError(f"{path}: is compressed more than {_MOST_TIMES} times over, which no bag is")
         folder = stack.enter_context(unpacking(path))
         plain = folder / path.name.removesuffix(".zstd")
         damage = _unpack(path, plain)
@@ -116,7 +123,7 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
             what = "is compressed, and holds no file of a bag"
             raise TraceError(f"{path}: {what}: decompress it (`zstd -d {path.name}`), and judge what comes out")
         try:
-            storage = open_storage(plain, stack)
+            storage = open_storage(plain, stack, times + 1)
         except TraceError as error:
             raise TraceError(str(error).replace(str(plain), str(path))) from None
         storage.damages += damage

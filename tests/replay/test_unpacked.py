@@ -203,6 +203,21 @@ def test_what_is_compressed_and_no_bag_is_told_by_its_own_name(tmp_path: Path) -
     assert str(refused.value).startswith(f"{broken}: can't be read as a bag in sqlite3")
 
 
+def test_what_is_compressed_a_thousand_times_over_is_refused(tmp_path: Path) -> None:
+    """Each time over it was unpacked to a file of its own, until Python gave up: that was told as a defect."""
+    path = tmp_path / "bag.mcap.zstd"
+    plain = write_numbers(tmp_path / "bag", {"/x": [(0, 1.0)]}, StoragePlugin.MCAP)
+    content = next(plain.glob("*.mcap")).read_bytes()
+    for times in range(1, 1_001):
+        content = zstandard.compress(content)
+        if times == 2:  # as of a bag that was compressed when it was recorded, and once more when it was kept
+            path.write_bytes(content)
+            assert not isinstance(judge(write_spec(tmp_path, SPEC), path), str)
+    path.write_bytes(content)
+    with pytest.raises(TraceError, match=f"^{path}: is compressed more than 8 times over, which no bag is$"):
+        judge(write_spec(tmp_path, SPEC), path)
+
+
 def test_what_other_programs_have_compressed_is_told(tmp_path: Path) -> None:
     path = tmp_path / "z.jsonl.gz"
     path.write_bytes(gzip.compress(b'{"topic": "/x", "time": 1}\n'))
