@@ -39,6 +39,7 @@ class McapFile(InBlocks):
         self.path = path
         self.profile = ""
         self.damages: list[str] = []
+        self._ended_early = False
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._channels: dict[int, Channel] = {}
         self._schema_of: dict[int, int] = {}
@@ -92,7 +93,8 @@ class McapFile(InBlocks):
                 channels = self._note(kind, self._file.read(length)) or channels
             ended = kind == _FOOTER
             position = body + length
-        if not ended:
+        self._ended_early = not ended
+        if self._ended_early:
             self.damages.append(f"ends early, in the record at byte {position} of {size}")
         missing = channels is None or channels > len(self._channels) or self._lacks_schemas
         if not ended or missing or self._counts is None:
@@ -218,7 +220,7 @@ class McapFile(InBlocks):
         return content, whole and len(records) == length
 
     def _damaged(self, block: Block, what: str) -> None:
-        if not any(damage.startswith("ends early") for damage in self.damages) or block is not self._blocks[-1]:
+        if not self._ended_early or block is not self._blocks[-1]:
             self.damages.append(f"the part at byte {block.offset} {what}")
 
 
