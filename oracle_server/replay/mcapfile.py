@@ -98,9 +98,10 @@ class McapFile(InBlocks):
             self.damages.append(f"ends early, in the record at byte {position} of {size}")
         missing = channels is None or channels > len(self._channels) or self._lacks_schemas
         if not ended or missing or self._counts is None:
+            told = len(self.damages)
             read = Counter(number for block in self._blocks for number, *_ in self._in_block(block, None))
             self._counts = read if self._counts is None else self._counts
-            del self.damages[0 if ended else 1 :]  # they are found again with the messages
+            del self.damages[told:]  # they are found again with the messages
             self._nameless.clear()
         behind = size - position - len(MAGIC)
         if ended and behind > 0:

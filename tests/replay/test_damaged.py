@@ -105,6 +105,26 @@ def test_an_mcap_whose_end_is_all_zeros_is_read_up_to_them(numbers: Spec, tmp_pa
     assert counts["events"] == len(MANY)
 
 
+def test_that_a_file_ends_early_is_said_whatever_else_is_wrong_with_it(numbers: Spec, tmp_path: Path) -> None:
+    """It was left out behind a channel that the file tells twice, as one that was put together of two."""
+    path = tmp_path / "cut.mcap"
+    with path.open("wb") as out:
+        writer = Writer(out, use_chunking=False)
+        writer.start()
+        first, second = (writer.register_channel(topic, "cdr", 0) for topic in ("/x", "/y"))
+        for at in range(10):
+            writer.add_message(first, BASE + at, bytes(12), BASE + at)
+        writer.finish()  # type: ignore[no-untyped-call]
+    data = path.read_bytes()
+    at = data.index(b"/y") - 8  # the number of the second channel becomes the first one's
+    assert second == int.from_bytes(data[at : at + 2], "little")
+    path.write_bytes((data[:at] + first.to_bytes(2, "little") + data[at + 2 :])[:-300])
+    with closing(McapFile(path)) as file:
+        said = " ".join(file.damages)
+    assert "tells two topics of channel" in said
+    assert "ends early" in said
+
+
 def test_many_messages_without_a_time_are_told_without_looking_at_all_for_each(tmp_path: Path) -> None:
     """Ten thousand took 18 s."""
     path = tmp_path / "times.mcap"
