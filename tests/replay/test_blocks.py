@@ -21,7 +21,7 @@ def test_messages_come_by_time_and_of_equal_times_as_they_stand(times: list[list
 
 
 def test_blocks_that_all_begin_at_0_are_not_looked_at_again_for_each_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of a bag that was written by the stamps of its messages, some of which have none: it took hours."""
+    """As of a bag written by the stamps of its messages, some without any: twice as much took four times as long."""
     looked = 0
 
     def counted(message: Message) -> int:
