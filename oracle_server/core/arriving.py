@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 
 from oracle_server.core.boot import PublicationTimes
-from oracle_server.core.events import Event, Projected, Signals, Step
+from oracle_server.core.events import Event, Projected, Signals, Source, Step
 from oracle_server.core.plan import Plan
-from oracle_server.core.reorder import ReorderBuffer
 from oracle_server.core.simulated import SimulatedTime
 
 _NOTHING: Signals = {}
@@ -19,14 +18,14 @@ _NONE = frozenset[str]()
 class Arriving:
     """Makes steps of a session's events."""
 
-    def __init__(self, plan: Plan, order: ReorderBuffer[Step]) -> None:
-        """`order` is that of publication, which knows the newest times of publishers."""
+    def __init__(self, plan: Plan, newest: Callable[[Source, str], int | None]) -> None:
+        """`newest` tells the newest time (ns) of a publisher, as it stands in the order of publication."""
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self._plan = plan
         self._revises = plan.spec.ordering.late == "revise"
         self._max_skew = plan.spec.ordering.max_skew
-        self._order, self._in_step = order, False
+        self._newest, self._in_step = newest, False
         ordering = plan.spec.ordering
         self._slack, self._skips = ordering.slack, ordering.late == "skip"
         self._falls = self._slack + (ordering.horizon if self._revises else 0)
@@ -57,12 +56,9 @@ class Arriving:
     def _falls_back(self, event: Event, stamp: int) -> bool:
         """Whether a publisher's clock was set back: all of it would be late, and judged at one time.
 
-        What is asked about is new, so that an older publisher's time tells it, too, as where a robot was started anew.
         Where stamps and arrivals were never in step, as in a recording of a simulation, arrivals tell no such time.
         """
-        newest = self._order.newest((event.monitor, event.stream), event.source)
-        if event.ask and self._order.present is not None and self._plan.spec.by_key[event.stream].ordered:
-            newest = max(newest or 0, self._order.present)
+        newest = self._newest((event.monitor, event.stream), event.source)
         if newest is None or newest - stamp <= self._falls or self._skips:
             self._in_step = self._in_step or abs(event.arrived - stamp) <= self._slack
             return False

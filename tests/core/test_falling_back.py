@@ -51,16 +51,6 @@ def test_who_is_in_step_again_is_ordered_by_its_stamps_again_and_others_always_w
     assert not any(verdict.degraded for j in judged[-2:] for verdict in j.verdicts)
 
 
-@pytest.mark.parametrize(("ask", "outcome"), [(True, "currently_false"), (False, "currently_true")])
-def test_who_asks_first_by_a_clock_that_is_behind_is_not_judged_at_the_time_of_before(ask: bool, outcome: str) -> None:
-    """As a robot that is started anew, before its clock is set: what was heard hours ago counted as just heard."""
-    session, feed, _ = heard()
-    session.attach("n", [A], NOW + BACK)
-    judged = feed(A, NOW - BACK, monitor="n", arrived=NOW + BACK, ask=ask) + session.advance(NOW + BACK + 20 * MS)
-    (found,) = (j for j in judged if j.step.event.monitor == "n")
-    assert (outcomes([found]), found.step.late, found.step.skewed) == ([outcome], not ask, ask)
-
-
 @pytest.mark.parametrize(
     ("back", "ordering"),
     [
