@@ -27,7 +27,7 @@ from oracle_server.sessions.registry import Registry
 
 _SESSION_COUNTERS = {
     "late": "Events older than an event judged before",
-    "skewed": "Events stamped too far ahead of their arrival, or set back",
+    "skewed": "Events stamped too far ahead of their arrival",
     "skipped": "Events that were not judged: late, or while the history could not be written",
     "lost": "Events that never arrived",
     "duplicates": "Events that were received again",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import msgspec
 
 from oracle_server.core.boot import PublicationTimes
-from oracle_server.core.events import Event, Projected, Signals, Source, Step
+from oracle_server.core.events import Event, Projected, Signals, Step
 from oracle_server.core.plan import Plan
 from oracle_server.core.simulated import SimulatedTime
 
@@ -18,18 +18,12 @@ _NONE = frozenset[str]()
 class Arriving:
     """Makes steps of a session's events."""
 
-    def __init__(self, plan: Plan, newest: Callable[[Source, str], int | None]) -> None:
-        """`newest` tells the newest time (ns) of a publisher, as it stands in the order of publication."""
+    def __init__(self, plan: Plan) -> None:
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self._plan = plan
         self._revises = plan.spec.ordering.late == "revise"
         self._max_skew = plan.spec.ordering.max_skew
-        self._newest, self._in_step = newest, False
-        ordering = plan.spec.ordering
-        self._slack, self._skips = ordering.slack, ordering.late == "skip"
-        self._falls = self._slack + (ordering.horizon if self._revises else 0)
-        """How far (ns) a publisher's stamps may fall back: beyond, its clock was set back."""
         self._published = PublicationTimes(self._max_skew)
 
     def step(self, event: Event) -> Step:
@@ -50,19 +44,8 @@ class Arriving:
         stamp = stamp or event.arrived
         if self._revises:  # the step is kept for a horizon, and its message need not be
             event = msgspec.structs.replace(event, data=None)
-        skewed = stamp - event.arrived > self._max_skew or self._falls_back(event, stamp)
+        skewed = stamp - event.arrived > self._max_skew
         return Step(event, signals, failed, stamp, skewed, rows=tuple(rows))
-
-    def _falls_back(self, event: Event, stamp: int) -> bool:
-        """Whether a publisher's clock was set back: all of it would be late, and judged at one time.
-
-        Where stamps and arrivals were never in step, as in a recording of a simulation, arrivals tell no such time.
-        """
-        newest = self._newest((event.monitor, event.stream), event.source)
-        if newest is None or newest - stamp <= self._falls or self._skips:
-            self._in_step = self._in_step or abs(event.arrived - stamp) <= self._slack
-            return False
-        return self._in_step and event.arrived - stamp > self._slack
 
     def clock(self, stamp: int, now: int) -> int:
         """What a clock says that arrives now (ns): that it is now, where it is ahead by more than `max_skew`."""

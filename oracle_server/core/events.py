@@ -84,15 +84,14 @@ Projected = tuple[Signals, frozenset[str]]
 class Step(msgspec.Struct, frozen=True, gc=False):
     """An event with all that is needed to judge it: its signals and its place in the order.
 
-    `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where there was
-    none; `skewed` was stamped too far ahead of its arrival, or behind what its publisher had told, and is ordered at
-    its arrival instead; `late` is older than something already judged; `forced` was judged early because the order was
-    full; `skipped` is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept.
-    `released` is why it left the order of publication, None where it was not in it; `unheard` are the streams of which
-    nothing as new as it had come by then, where the spec revises and that is why it may be wrong. `waited` are the
-    streams that it waited for last: whose advance, or end, released it, or that were still behind it when there was no
-    more waiting. `rows` are what is judged instead of it, one after the other, where its stream has rows and its
-    message some.
+    `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where
+    there was none; `skewed` was stamped too far ahead of its arrival, and is ordered at its arrival instead;
+    `late` is older than something already judged; `forced` was judged early because the order was full; `skipped`
+    is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept. `released` is why
+    it left the order of publication, None where it was not in it; `unheard` are the streams of which nothing as new as
+    it had come by then, where the spec revises and that is why it may be wrong. `waited` are the streams that it waited
+    for last: whose advance, or end, released it, or that were still behind it when there was no more waiting. `rows`
+    are what is judged instead of it, one after the other, where its stream has rows and its message some.
     """
 
     event: Event

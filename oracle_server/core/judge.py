@@ -56,7 +56,8 @@ class Judge(Blaming):
         self._derived = Derived(plan.derived)
         self._degraded = False
         ordering = plan.spec.ordering
-        self._slack = ordering.slack
+        self._slack = ordering.max_skew + (ordering.max_delay or 0)
+        """How much later than its stamp an event arrives (ns), where clocks are in step."""
         self._unordered = not any(stream.ordered for stream in plan.spec.streams)
         self.properties = [
             self._state(p, e, grace(p.formula, p.time)) for p, e in zip(plan.spec.properties, engines, strict=True)
@@ -315,10 +316,9 @@ class Judge(Blaming):
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
         latest = self._surely_past(step)
-        fell_back = step.skewed and step.stamp < step.event.arrived
         allowed, self._idle_work, self._explained = self._allowed, 0, 0
         for state, view in zip(self.properties, stream.views, strict=True):
-            worse.append(degraded or fell_back or state.failures > 0 or state.renewed)
+            worse.append(degraded or state.failures > 0 or state.renewed)
             outcomes.append(state.step(view, time, signals, failed, latest, allowed))
             allowed -= state.work
         if blameless:

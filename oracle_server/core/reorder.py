@@ -155,11 +155,6 @@ class ReorderBuffer(Generic[T]):
         """How many publishers of each open stream are told apart, and how often one was forgotten for another."""
         return {source: (len(known.publishers), known.forgotten) for source, known in self._frontiers.items()}
 
-    def newest(self, source: Source, publisher: str) -> int | None:
-        """The newest stamp of a publisher of a stream; None before its first, and where it was forgotten."""
-        frontier = self._frontiers.get(source)
-        return None if frontier is None else frontier.publishers.get(publisher)
-
     @property
     def ahead(self) -> frozenset[str]:
         """The monitors for none of whose streams the order waits: all are beyond the least frontier."""

@@ -77,7 +77,7 @@ class Session(Resumable):
         if begun is not None:
             self._begin(begun)
         self._ticking = ticking and plan.timed
-        self._arriving = Arriving(plan, self.buffer.newest)
+        self._arriving = Arriving(plan)
         self.rows = Rows()
         self.asking = Asking() if plan.external else None
         """What waits for external oracles; None where the spec has none."""

@@ -42,11 +42,6 @@ class Ordering:
     capacity: int = 10_000
     horizon: int = HORIZON
 
-    @property
-    def slack(self) -> int:
-        """How much later than its stamp an event arrives (ns), where clocks are in step."""
-        return self.max_skew + (self.max_delay or 0)
-
 
 @dataclass(frozen=True, slots=True)
 class StreamSpec:

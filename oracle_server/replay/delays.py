@@ -17,7 +17,6 @@ _HANDFUL = 5
 
 _LATE = "late, up to", "behind what was judged before"
 _SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
-_FALLEN = "older than what the same publisher had told, up to", "behind the arrival, and ordered by that"
 _OVERTAKEN = "older than a deadline that was judged before: up to", "between stamp and arrival"
 DAY = 86_400 * SECOND
 """For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
@@ -43,7 +42,7 @@ class Delays:
         self._ordered = {stream.key for stream in spec.streams if stream.ordered}
         self._stamps = {s.key: s.stamp for s in spec.streams if s.stamp and s.stamp.unit and s.stamp.epoch == "unix"}
         self._events: Counter[StreamKey] = Counter()
-        self._late, self._placed, self._skewed, self._fallen, self._overtaken = (_Displaced() for _ in range(5))
+        self._late, self._placed, self._skewed, self._overtaken = (_Displaced() for _ in range(4))
         self._present = self._deadline = 0
 
     def note(self, judged: Judged) -> None:
@@ -58,8 +57,7 @@ class Delays:
             return
         self._events[stream] += 1
         if step.skewed:
-            ahead = step.stamp - step.event.arrived
-            (self._skewed if ahead > 0 else self._fallen).add(stream, abs(ahead))
+            self._skewed.add(stream, step.stamp - step.event.arrived)
         if step.late:
             found = self._late if judged.place is None else self._placed
             found.add(stream, self._present - step.time)
@@ -71,8 +69,7 @@ class Delays:
         """What is to be said of each stream; where most of its events are not in their place that is a doubt."""
         for stream, events in self._events.items():
             for found, before, after in (
-                (self._late, *_LATE), (self._skewed, *_SKEWED), (self._fallen, *_FALLEN),
-                (self._overtaken, *_OVERTAKEN),
+                (self._late, *_LATE), (self._skewed, *_SKEWED), (self._overtaken, *_OVERTAKEN),
             ):  # fmt: skip
                 count = found.count[stream]
                 if count:
@@ -88,7 +85,7 @@ class Delays:
 
     def _own_time(self, stream: StreamKey, found: _Displaced) -> str:
         """What to do where a stream's stamps and its arrivals are those of two clocks."""
-        if stream in self._stamps and found is not self._skewed and found is not self._fallen:
+        if stream in self._stamps and found is not self._skewed:
             where = self._stamps[stream].field
             return f"; where `{where}` counts since the robot's start, as PX4's do, its `stamp` takes `epoch: boot`"
         if found is self._overtaken:
