@@ -50,9 +50,15 @@ class GoingBack:
         ahead = self._ahead.get(monitor, 0)
         return ahead if abs(ahead) > self._allowed else 0
 
-    def trust(self, monitor: str) -> None:
-        """Note that a monitor is the same process as before: it may be behind, and says itself where time goes back."""
+    def trust(self, monitor: str, *, wall: bool) -> None:
+        """Note that a monitor which connects is the same process as before: it may be behind.
+
+        One in simulated time says itself where that goes back. One by the `wall` clock may tell what it had told before
+        what it sends again.
+        """
         self._telling.add(monitor)
+        if wall:
+            self._told = {key: stamp for key, stamp in self._told.items() if key[0] != monitor}
 
     def leave(self, monitor: str) -> None:
         """Note that a monitor is not there any more."""

@@ -99,7 +99,7 @@ class LiveSession:
         self._set_time(wanted)
         monitor = self.monitors.get(wanted.monitor)
         if monitor is not None and monitor.instance == wanted.instance:
-            self.core.clocks.trust(monitor.name)
+            self.core.clocks.trust(monitor.name, wall=self.core.simulated is None)
         if monitor is None:
             monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
         if monitor.outbox is not None:

@@ -135,7 +135,7 @@ def test_a_restarted_simulation_is_noticed_by_its_first_clock() -> None:
     for reading, back in ((960, True), (966, False), (5_000, False)):
         session, _ = restarted()
         assert session.goes_back("n", [ClockReading(A, reading)]) is back
-        session.clocks.trust("m")
+        session.clocks.trust("m", wall=False)
         assert not session.goes_back("m", [ClockReading(A, 1)]), "the same process may still be behind"
 
 
@@ -210,3 +210,13 @@ def test_a_wall_clock_that_was_further_ahead_than_is_believed_is_set_right_and_g
     feed.clock(A, now, now)
     (judged,) = feed(A, now + 1, arrived=now + 2) + session.advance(now + SECOND)
     assert (session.clocks.apart("m"), judged.step.late, judged.step.skewed) == (0, False, False)
+
+
+def test_who_connects_again_may_tell_what_its_wall_clock_had_told_before_what_it_sends_again() -> None:
+    session = open_session([prop("any", "once {v: 1}")], attach={"m": [A]}, streams=STREAMS)
+    feed = Feed(session)
+    feed.clock(A, 100 * SECOND, 100 * SECOND)
+    session.clocks.trust("m", wall=True)
+    assert not session.goes_back("m", [ClockReading(A, 50 * SECOND)])
+    feed.clock(A, 50 * SECOND, 100 * SECOND)
+    assert session.goes_back("m", [ClockReading(A, 40 * SECOND)])
