@@ -12,8 +12,8 @@ from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Source, Step, StreamKey
-from oracle_server.core.goingback import GoingBack
 from oracle_server.core.judge import Judge
+from oracle_server.core.monitorclocks import MonitorClocks
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer
 from oracle_server.core.resumable import Resumable
@@ -67,7 +67,7 @@ class Session(Resumable):
         self.counts = self.judges[orders(plan.spec)[0]].counts
         for judge in self.judges.values():
             judge.counts = self.counts
-        self.clocks = GoingBack(plan.spec.by_key, ordering.max_skew)
+        self.clocks = MonitorClocks(plan.spec.by_key, ordering.max_skew)
         """What the clocks of its monitors have told."""
         self.holds = HoldTimes()
         self.bypasses = Bypasses(plan.readers)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from oracle_server.core.engine import Engine
-from oracle_server.core.goingback import GoingBack
+from oracle_server.core.monitorclocks import MonitorClocks
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import SECOND, Property, StreamSpec
@@ -127,7 +127,7 @@ def restarted(**ordering: Any) -> tuple[Session, Feed]:
     feed(A, 1_000, arrived=REAL)
     session.finish(REAL)
     session.simulate()
-    session.clocks = GoingBack(session.plan.spec.by_key, session.plan.spec.ordering.max_skew)
+    session.clocks = MonitorClocks(session.plan.spec.by_key, session.plan.spec.ordering.max_skew)
     return session, feed
 
 

@@ -12,7 +12,7 @@ WALL_MAY_DIFFER = SECOND
 """By how much (ns) wall clocks may differ, whatever the spec says: they are set right by less, often."""
 
 
-class GoingBack:
+class MonitorClocks:
     """What the clocks of monitors have told, and whether one of them goes back."""
 
     def __init__(self, streams: Mapping[StreamKey, StreamSpec], max_skew: int) -> None:
