@@ -8,10 +8,10 @@ from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
 from oracle_server.core.formula.breach import breach
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import TRUE, Always, And, Atom, Implies, Not, Or, atoms, walk
+from oracle_server.core.formula.tree import TRUE, Always, atoms, walk
 from oracle_server.core.lacks import quoted
 from oracle_server.core.spec import Property, Spec
-from oracle_server.core.withholding import lasting, present, without_signals
+from oracle_server.core.withholding import lasting, present, stays
 
 
 def awaited(spec: Spec) -> Iterator[SpecProblem]:
@@ -82,8 +82,7 @@ def _asks_again(spec: Spec, i: int, prop: Property, found: Obligation) -> Iterat
     trigger, kept = found.trigger, lasting(spec) - {each.name for each in spec.derive if each.changes}
     if trigger is None or prop.says == "requirement" or len(spec.streams) == 1 or not _beyond_always(found):
         return
-    is_state = all(isinstance(node, Atom | Not | And | Or | Implies) for node in walk(trigger))
-    if not is_state or present(trigger, without_signals(kept)) is not None:
+    if not stays(trigger, kept):
         return
     names = sorted({c.key for atom in atoms(trigger) for c in atom.constraints} & kept)
     owner = next((stream.name for stream in spec.streams if stream.hold.intersection(names)), None)

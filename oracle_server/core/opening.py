@@ -11,26 +11,22 @@ from oracle_server.core.formula.tree import (
     ALL_PAST,
     STEP,
     And,
-    Atom,
     Forall,
     Formula,
     Implies,
     Not,
     Once,
-    Or,
     Since,
     atoms,
-    walk,
 )
 from oracle_server.core.spec import Spec
-from oracle_server.core.withholding import lasting, present, without_signals
+from oracle_server.core.withholding import lasting, stays
 
 _NONE_WITHIN = re.compile(
     r"(?:forall\s*\[[^]]*\]\s*\.\s*)*no\b.*\bwithin\b\s*(?P<time>[^)}\]]+)", re.IGNORECASE | re.DOTALL
 )
 _PAIR = re.compile(r"\b(requires|forbids)\b", re.IGNORECASE)
 _SCOPED = re.compile(r"(?:forall\s*\[[^]]*\]\s*\.\s*)*(?:after|until|while)\b", re.IGNORECASE)
-_STATE = (Atom, Not, And, Or, Implies)
 
 
 def at_the_beginning(spec: Spec) -> Iterator[SpecProblem]:
@@ -51,14 +47,14 @@ def at_the_beginning(spec: Spec) -> Iterator[SpecProblem]:
 
 def ever(spec: Spec) -> Iterator[SpecProblem]:
     """Warnings of `B requires A` and `A forbids B` where A is a state: they ask whether it ever was."""
-    quiet = without_signals(lasting(spec))
+    kept = lasting(spec)
     for i, prop in enumerate(spec.properties):
         verb = _PAIR.search(prop.text) if prop.says == "pattern" else None
         if verb is None:
             continue
         scoped = _SCOPED.match(prop.text.strip()) is not None
         for event, state in _asked(prop.formula, scoped=scoped):
-            if not all(isinstance(node, _STATE) for node in walk(state)) or present(state, quiet) is not None:
+            if not stays(state, kept):
                 continue
             word, asked = verb[1].lower(), state if verb[1].lower() == "requires" else Not(state)
             keys = {c.key for atom in atoms(state) for c in atom.constraints}

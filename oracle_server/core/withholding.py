@@ -38,6 +38,12 @@ def without_signals(kept: frozenset[str]) -> Callable[[Atom], bool | None]:
     return lambda atom: True if atom == TRUE else None if all(c.key in kept for c in atom.constraints) else False
 
 
+def stays(formula: Formula, kept: frozenset[str]) -> bool:
+    """Whether a formula is one of a state, by signals that are `kept`: it comes again at each step while it holds."""
+    is_state = all(isinstance(node, Atom | Not | And | Or | Implies) for node in walk(formula))
+    return is_state and present(formula, without_signals(kept)) is None
+
+
 def mendable(spec: Spec, prop: Property, name: str) -> bool:
     """Whether the property always holds at a step without signals, or never fails at an event of the stream."""
     quiet = without_signals(lasting(spec))
