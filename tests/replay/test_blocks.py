@@ -40,3 +40,15 @@ def test_blocks_that_all_begin_at_0_are_not_looked_at_again_for_each_of_them(mon
     assert [message[1] for message in found] == sorted(message[1] for message in found)
     assert len(found) == count * size
     assert looked < 10 * count * size
+
+
+def test_of_chunks_that_begin_alike_one_at_a_time_is_kept() -> None:
+    """As of a writer that knows no times: else all that a file has would be in memory together."""
+    taken: list[int] = []
+
+    def read(block: Block) -> list[Message]:
+        taken.append(block.offset)
+        return [(block.offset, 5, b"", 0, 1), (block.offset, 5 + block.offset % 2, b"", 0, 2)]
+
+    found = [(channel, time, len(taken)) for channel, time, *_ in in_order([Block(5, at, 1) for at in range(4)], read)]
+    assert found == [(0, 5, 1), (0, 5, 1), (1, 5, 2), (2, 5, 3), (2, 5, 3), (3, 5, 4), (1, 6, 4), (3, 6, 4)]

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import random
 import re
-import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -18,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
-from oracle_server.replay.blocks import Block, in_order
+from oracle_server.replay.blocks import Block
 from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import UNJUDGED, UNUSABLE
 from oracle_server.replay.mcapfile import McapFile
@@ -352,18 +350,6 @@ def test_a_file_that_was_appended_to_another_is_said(tmp_path: Path) -> None:
     assert found.doubts[0].startswith(f"both.mcap: has {len(other)} bytes behind its end that were not read")
 
 
-def test_of_chunks_that_begin_alike_one_at_a_time_is_kept() -> None:
-    """As of a writer that knows no times: else all that a file has would be in memory together."""
-    taken: list[int] = []
-
-    def read(block: Block) -> list[Message]:
-        taken.append(block.offset)
-        return [(block.offset, 5, b"", 0, 1), (block.offset, 5 + block.offset % 2, b"", 0, 2)]
-
-    found = [(channel, time, len(taken)) for channel, time, *_ in in_order([Block(5, at, 1) for at in range(4)], read)]
-    assert found == [(0, 5, 1), (0, 5, 1), (1, 5, 2), (2, 5, 3), (2, 5, 3), (3, 5, 4), (1, 6, 4), (3, 6, 4)]
-
-
 @pytest.mark.parametrize("lacking", [0, 1])
 def test_bytes_between_the_chunks_of_a_bag_and_its_index_are_no_damage(lacking: int, tmp_path: Path) -> None:
     """Some that are published have them, and each reader goes by the index; they are where a chunk is lacking."""
@@ -378,53 +364,3 @@ def test_bytes_between_the_chunks_of_a_bag_and_its_index_are_no_damage(lacking: 
     found = judged(spec, path)
     assert found.summary["events"] == 31
     assert ("ends early" in found.said) is bool(lacking)
-
-
-@pytest.mark.parametrize("form", ["mcap", "db3", "bag"])
-def test_messages_whose_topic_is_not_told_are_said(form: str, tmp_path: Path) -> None:
-    """As where the part is damaged that tells it: they may be the ones that the spec is about."""
-    if form == "bag":
-        path, told = write_ros1(tmp_path / "x.bag", 30), "channel 9"
-        data = path.read_bytes()
-        at = data.index(b"conn=", data.index(b"op=\x02") - 40) + 5
-        path.write_bytes(data[:at] + b"\x09" + data[at + 1 :])
-    elif form == "db3":
-        bag, told = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.SQLITE3), "topics that it does not name"
-        (path,) = bag.glob("*.db3")
-        with closing(sqlite3.connect(path)) as database, database:
-            database.execute("UPDATE messages SET topic_id = 9 WHERE id = 7")
-    else:
-        path, told = tmp_path / "x.mcap", "channel 9"
-        with path.open("wb") as out:
-            writer = Writer(out)
-            writer.start(profile="ros2", library="test")
-            schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data\n")
-            channel = writer.register_channel("/x", "cdr", schema)
-            for at in range(20):
-                writer.add_message(channel if at % 5 else 9, BASE + at, b"\0\1\0\0" + bytes(8), BASE + at)
-            writer.finish()  # type: ignore[no-untyped-call]
-    text = SPEC if form == "bag" else NUMBERS
-    found = judged(write_spec(tmp_path, text), path)
-    assert found.said.count(told) == 1, found.said
-    assert found.strict != 0
-
-
-def test_a_channel_of_two_topics_is_said(tmp_path: Path) -> None:
-    """As of files that were put together: each has numbers of its own."""
-    path, data = tmp_path / "x.mcap", b""
-    for topic in ("/x", "/y"):
-        out = BytesIO()
-        writer = Writer(out, compression=CompressionType.NONE)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data\n")
-        channel = writer.register_channel(topic, "cdr", schema)
-        writer.add_message(channel, BASE, b"\0\1\0\0" + bytes(8), BASE)
-        writer.finish()  # type: ignore[no-untyped-call]
-        found = out.getvalue()
-        at = found.index(b"\x06", 8 + 9 + int.from_bytes(found[9:17], "little"))  # the chunk behind the header
-        end = at + 9 + int.from_bytes(found[at + 1 : at + 9], "little")
-        data = data or found[:at]
-        data += found[at:end]
-    path.write_bytes(data)
-    said = judged(write_spec(tmp_path, NUMBERS), path).said
-    assert "x.mcap: tells two topics of channel 1, /x and /y" in said
