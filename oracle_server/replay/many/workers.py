@@ -57,9 +57,8 @@ class Workers:
     def run(self, tasks: Sequence[Task]) -> Iterator[Said]:
         """What is said of the recordings, in any order; all of it of one before its `Ended`."""
         waiting = deque(tasks)
-        os.environ["PYTHONSAFEPATH"] = (
-            "1"  # else what they begin with is taken from this folder, as a struct.py of a bag's
-        )
+        # else what they begin with is taken from this folder, as a struct.py of a bag's
+        os.environ["PYTHONSAFEPATH"] = "1"
         workers = [_Worker(self._question) for _ in range(min(self._count, len(tasks)))]
         try:
             while True:
