@@ -22,7 +22,7 @@ from oracle_server.sessions.unrestored import bare
 
 log = structlog.get_logger()
 
-_CUT_OFF = "the server ended while it was judged: only a part of the recording was"
+CUT_OFF = "the server ended while it was judged: only a part of the recording was"
 
 
 class RecordedSession:
@@ -100,16 +100,14 @@ class RecordedSession:
         return self._closed.is_set()
 
 
-async def cut_off(record: SessionRecord, history: History, now: int) -> None:
-    """Close a session whose recording was being judged when the server ended, as it stands by what is committed.
+async def cut_off(record: SessionRecord, history: History, now: int) -> Document:
+    """The state to close a session with whose recording was being judged when the server ended, by what is committed.
 
     Raises `UnansweredError`.
     """
     state = bare(record)
-    state |= await _by_rows(history, record, state) | end_of(now, _CUT_OFF)
-    state |= {"trouble": f"incomplete: {_CUT_OFF}", "continued_by": None, "clock_went_back": False}
-    history.close_session(record.number, now, state)
-    log.warning("a recording was judged in part only", session=record.id)
+    state |= await _by_rows(history, record, state) | end_of(now, CUT_OFF)
+    return state | {"trouble": f"incomplete: {CUT_OFF}", "continued_by": None, "clock_went_back": False}
 
 
 async def _by_rows(history: History, record: SessionRecord, told: Document) -> Document:

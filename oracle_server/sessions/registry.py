@@ -63,7 +63,7 @@ class Registry:
         """
         self.open: dict[str, LiveSession] = {}
         self.unrestored: dict[str, Unrestored] = {}
-        """Sessions that are open in the history, and could not be restored."""
+        """Those that are open in the history, and not judged: they could not be restored, or are being closed."""
         self.recorded: dict[str, RecordedSession] = {}
         """Those in which recordings are judged."""
         self.backlog = Backlog()

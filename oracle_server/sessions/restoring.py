@@ -14,7 +14,7 @@ from oracle_server.history.records import SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.plans import Plans
-from oracle_server.sessions.recorded import cut_off
+from oracle_server.sessions.recorded import CUT_OFF, cut_off
 from oracle_server.sessions.unrestored import Unrestored
 from oracle_server.specfiles.library import Library
 
@@ -41,7 +41,7 @@ class Restoring:
         for opened in sessions:
             try:
                 if opened.kind == "recording":
-                    await cut_off(opened, self._history, self._clock.now())
+                    await self._close(opened)
                 else:
                     await self._restore(opened, await asyncio.to_thread(plans.of, opened))
                     self._history.trouble(opened.number, None)
@@ -56,6 +56,14 @@ class Restoring:
                 self._unrestored[opened.id] = unrestored = Unrestored(opened, reason)
                 self._history.trouble(opened.number, unrestored.trouble)
                 log.error("a session can't be restored", session=opened.id, reason=reason, exc_info=not known)
+
+    async def _close(self, recorded: SessionRecord) -> None:
+        """Close the session of a recording; until that is committed, it is known as one that is not judged."""
+        name, now = recorded.id, self._clock.now()
+        state = await cut_off(recorded, self._history, now)
+        self._unrestored[name] = Unrestored(recorded, CUT_OFF, state)
+        self._history.close_session(recorded.number, now, state, lambda: self._unrestored.pop(name, None))
+        log.warning("a recording was judged in part only", session=name)
 
     def _forget(self, name: str) -> None:
         failed = self._open.pop(name, None)

@@ -13,10 +13,14 @@ _COUNTED = ("steps", "held", "refused", "late", "skewed", "skipped", "lost", "de
 
 
 class Unrestored(NamedTuple):
-    """A session's record, and why it could not be restored."""
+    """A session's record, and why it could not be restored.
+
+    `closing` is its state where it is being closed: so it stands once that is committed.
+    """
 
     record: SessionRecord
     reason: str
+    closing: Document | None = None
 
     @property
     def brief(self) -> str:
@@ -32,7 +36,7 @@ class Unrestored(NamedTuple):
     @property
     def state(self) -> Document:
         """Its state."""
-        return bare(self.record) | {"status": "unrestored", "trouble": self.trouble}
+        return self.closing or bare(self.record) | {"status": "unrestored", "trouble": self.trouble}
 
 
 def bare(record: SessionRecord) -> Document:

@@ -14,11 +14,13 @@ import structlog
 from oracle_server.core.errors import UnansweredError
 from oracle_server.core.plan import Plan
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.history.records import SessionRecord
+from oracle_server.history.port import Done
+from oracle_server.history.records import Document, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import Restored, restore
 from oracle_server.sessions import plans as plans_module
 from oracle_server.sessions import registry as registry_module
+from oracle_server.sessions.recorded import CUT_OFF
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
@@ -177,6 +179,39 @@ async def test_a_recording_whose_rows_can_not_be_understood_keeps_no_session_fro
     await second.restore_all()
     assert set(second.open) == {"two", private}
     assert second.unrestored["one"].reason == "KeyError: 'odd'"
+
+
+@pytest.mark.usefixtures("within")
+async def test_the_session_of_a_recording_that_was_cut_off_is_known_while_it_is_being_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history, _ = await left(tmp_path)
+    kept = history._kept[1]
+    kept.record = kept.record._replace(kind="recording")
+    closing, waiting = history.close_session, asyncio.Event()
+
+    def slow(session: int, at: int, state: Document, done: Done | None = None) -> None:
+        """As on a slow disk: nothing of it is committed before `waiting` is set."""
+        tasks.append(asyncio.create_task(later(session, at, state, done)))
+
+    async def later(session: int, at: int, state: Document, done: Done | None) -> None:
+        await waiting.wait()
+        closing(session, at, state, done)
+
+    tasks: list[asyncio.Task[None]] = []
+    monkeypatch.setattr(history, "close_session", slow)
+    second = impatient(history, tmp_path)
+    await second.restore_all()
+    before = await second.state("one")
+    assert before is not None
+    assert (before["status"], before["trouble"]) == ("closed", f"incomplete: {CUT_OFF}")
+    assert [state for state in await second.states() if state["id"] == "one"] == [before]
+    waiting.set()
+    await asyncio.gather(*tasks)
+    await second.flush()
+    assert second.unrestored == {}
+    assert await second.state("one") == before
+    assert [state["id"] for state in await second.states()].count("one") == 1
 
 
 @pytest.mark.usefixtures("within")
