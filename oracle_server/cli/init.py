@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path, PurePosixPath
@@ -52,14 +54,28 @@ def _below(place: Traversable, path: PurePosixPath) -> Iterator[tuple[PurePosixP
 
 
 def _write(folder: Path, contents: Mapping[PurePosixPath, bytes]) -> list[Path]:
+    paths = [folder / path for path in contents]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise InitError(f"{folder}: there is something in it; name a folder that is new or empty")
-        for path, content in contents.items():
-            written = folder / path
-            written.parent.mkdir(parents=True, exist_ok=True)
-            written.write_bytes(content)
+        try:
+            for path, content in zip(paths, contents.values(), strict=True):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+        except BaseException:  # Ctrl-C, too
+            _delete(folder, paths)
+            raise
     except OSError as error:
         raise InitError(f"{folder}: can't be written: {error.strerror or error}") from None
-    return [folder / path for path in contents]
+    return paths
+
+
+def _delete(folder: Path, paths: Iterable[Path]) -> None:
+    """Delete what was written of some files, so that the same command does it all once there is room."""
+    with suppress(OSError):  # what keeps from writing may keep from this; why is told already
+        for path in paths:
+            path.unlink(missing_ok=True)
+        for place, _, _ in os.walk(folder, topdown=False):
+            if Path(place) != folder:
+                Path(place).rmdir()

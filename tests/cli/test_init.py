@@ -50,3 +50,15 @@ def test_a_folder_that_can_not_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert "can't be written" in failed("init", tmp_path / "file" / "base")
     assert os.listdir(tmp_path) == ["file"]
+
+
+@pytest.mark.parametrize("options", [[], ["--examples"]])
+def test_a_folder_that_was_begun_on_a_full_disk_is_begun_anew_by_the_same_command(
+    options: list[str], tmp_path: Path
+) -> None:
+    command = [str(COMMAND), "init", *options, str(tmp_path / "base")]
+    full = ["bash", "-c", 'ulimit -f 4; exec "$@"', "bash", *command]  # no file gets longer than 4 KiB
+    ended = subprocess.run(full, check=False, capture_output=True, encoding="utf-8")
+    assert (ended.returncode, "can't be written: File too large" in ended.stderr) == (2, True), ended.stderr
+    assert os.listdir(tmp_path / "base") == []
+    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
