@@ -133,7 +133,8 @@ def status(folder: Path, *, as_json: bool, ready: bool = False) -> int:
     `ready`: one that is starting or not ready counts as none.
     """
     server = running(folder)
-    state = _state(server)
+    is_here = server is not None and is_held_by(folder, server.pid)
+    state = _state(server, is_here=is_here)
     if as_json:
         document = {"state": state, "pid": server and server.pid, "url": server and server.url}
         sys.stdout.write(json.dumps(document | {"data_dir": str(folder)}) + "\n")
@@ -142,18 +143,22 @@ def status(folder: Path, *, as_json: bool, ready: bool = False) -> int:
     elif server.embedded:
         sys.stdout.write(f"{_adapters(folder, server)}\n")
     else:
-        sys.stdout.write(f"{server.url or folder}: {state} (pid {server.pid})\n")
+        where = "" if is_here else " there: it is no process here, as where it runs in a container, and is not asked"
+        sys.stdout.write(f"{server.url or folder}: {state} (pid {server.pid}{where})\n")
     return NOT_RUNNING if server is None or server.embedded or (ready and state not in ("ready", "running")) else 0
 
 
-def _state(server: Running | None) -> str:
-    """`stopped`, `embedded`, `starting`, `ready`, `not ready`, or `running`: it wants a client's certificate."""
+def _state(server: Running | None, *, is_here: bool) -> str:
+    """`stopped`, `embedded`, `starting`, `ready` or `not ready`; `running`: it can't be asked.
+
+    One that wants a client's certificate can't be; nor one that is no process here: at its address may be another one.
+    """
     if server is None:
         return "stopped"
     if server.embedded:
         return "embedded"
-    if server.url is None:
-        return "starting"
+    if server.url is None or not is_here:
+        return "running" if server.url else "starting"
     try:  # whose address that is says the file that it has locked, and not its certificate
         with httpx.Client(trust_env=False, timeout=5.0, verify=False) as http:  # noqa: S501 -- nothing is told it
             return "ready" if http.get(f"{server.url}/readyz").is_success else "not ready"

@@ -166,6 +166,21 @@ def test_who_has_the_number_here_of_a_server_elsewhere_is_not_ended(data: Path) 
     assert f"(pid {bystander.pid} there): stop it where it was started" in told
 
 
+def test_how_a_server_elsewhere_stands_is_not_asked_of_the_one_that_has_its_address_here(
+    data: Path, specs: Path, tmp_path: Path
+) -> None:
+    url = start(data, specs)
+    volume = tmp_path / "volume"
+    with subprocess.Popen(["sleep", "1h"]) as bystander:
+        elsewhere = PidFile(volume)
+        (volume / NAME).write_text(f"{bystander.pid}\n{url}\n")
+        told, document = run("status", "--data-dir", volume), run("status", "--data-dir", volume, "--json")
+        elsewhere.release()
+        bystander.kill()
+    assert told.stdout.startswith(f"{url}: running (pid {bystander.pid} there: it is no process here")
+    assert (told.returncode, json.loads(document.stdout)["state"]) == (0, "running")
+
+
 def test_it_tells_that_it_has_no_spec_or_one_that_is_unsound(data: Path, tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     folder.mkdir()
