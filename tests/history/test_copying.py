@@ -269,6 +269,13 @@ def test_what_can_not_be_copied_is_refused(make: Refused, why: str, postgres: Po
     assert (tmp_path / "history.sqlite").read_bytes() == before
 
 
+def test_a_refusal_does_not_repeat_a_password() -> None:
+    url = "postgresql://oracle:hunter2@db.example.org/oracle"
+    refused = command("history", "copy", url, url)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == "oracle-server: the database: can't be copied to itself; name another place as TO\n"
+
+
 async def test_what_a_server_uses_is_not_copied_and_nothing_is_copied_to_it(postgres: Postgres, tmp_path: Path) -> None:
     url = postgres.empty()
     SqliteHistory(tmp_path).close()

@@ -54,7 +54,8 @@ class _Place(NamedTuple):
 def copy_history(source: str, target: str) -> None:
     """Copy a history, and say so. Raises `OracleError`."""
     if _same(source, target):
-        raise CopyError(f"{source}: can't be copied to itself")
+        what = "the database" if source.startswith(POSTGRES) else source  # its URL may have a password
+        raise CopyError(f"{what}: can't be copied to itself; name another place as TO")
     with closing(_end(source, source=True)) as whence, closing(_end(target, source=False)) as whither:
         with progress("rows", "rows") as show:
             copied = copy(whence, whither, show)
