@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from contextlib import ExitStack
@@ -220,4 +221,25 @@ def test_a_master_that_was_started_anew_learns_of_the_adapter_again(tmp_path: Pa
         speaker.serve(SetBool, "/switch", say_on)
         answer, _ = hearer.call(SetBool, "/switch_mon", True)
         assert answer.success
+        adapter.ends_well()
+
+
+def test_a_master_that_does_not_answer_is_told_until_there_is_one_again(tmp_path: Path) -> None:
+    """Nobody who comes meanwhile is heard, nor seen who publishes past the monitor."""
+    text = r"the master at http://127\.0\.0\.1:\d+ does not answer: who publishes from now on is not heard"
+    with Scene(tmp_path, spec_folder(tmp_path, GATE, intercept="publisher", unavailable="deny", within="60s")) as scene:
+        adapter = scene.adapter("gate")
+        speaker, hearer = opened(scene)
+
+        def troubles() -> list[str]:
+            return [s["trouble"] for m in scene.server.session("s")["monitors"] for s in m["streams"]]
+
+        scene.master.remove()
+        adapter.said(f"ROS master: {text}")
+        eventually(troubles, lambda found: bool(re.match(text, found[0])))
+        speaker.publish("/number_mon", Int64(1))
+        assert [said.data for said in hearer.heard("/number", 1)] == [1]
+        scene.restart_master()
+        adapter.said("ROS master: recovered")
+        eventually(troubles, lambda found: "master" not in found[0])
         adapter.ends_well()

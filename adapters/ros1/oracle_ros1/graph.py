@@ -21,6 +21,8 @@ ASK_PERIOD = 1.0
 """Seconds between two requests to the master."""
 REPLY_WITHIN = 10.0
 """Seconds that the master may take to answer a request."""
+SILENT_AFTER = 5.0
+"""Seconds without an answer after which it is said that the master does not answer."""
 ASK_WITHIN = 1.0
 """Seconds that it may take while a message waits for the answer."""
 ASK_AGAIN = 0.05
@@ -100,11 +102,13 @@ class Graph:
         self._unheard: Set[str] = set()  # topics of which a publisher is to be connected to again
         self._unconnected: Set[str] = set()  # topics that were registered again, whose publishers may not be known here
         self._servers: Optional[Users] = None
+        self._answered = time.monotonic()  # when the master last did (s)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._ask, name="oracle-graph", daemon=True)
 
     def start(self) -> None:
         """Begin to ask."""
+        self._answered = time.monotonic()
         self._thread.start()
 
     def stop(self) -> None:
@@ -114,6 +118,16 @@ class Graph:
     def leave(self) -> None:
         """Wait until nothing is registered again."""
         self._thread.join(ASK_PERIOD)  # longer only where the master hangs
+
+    @property
+    def silence(self) -> str:
+        """What is not known while the master does not answer; empty where it does."""
+        if time.monotonic() - self._answered < SILENT_AFTER:
+            return ""
+        return (
+            f"the master at {rosgraph.get_master_uri()} does not answer: who publishes from now on is not heard, and "
+            "who publishes or serves past the monitor is not seen"
+        )
 
     def past(self, topic: str) -> List[str]:
         """Who but this node published a topic of its own when the master was last asked, each in a text.
@@ -203,6 +217,7 @@ class Graph:
     def _look(self, master: Any) -> None:
         _, _, state = master.getSystemState()
         publishers, subscribers, servers = (dict(entries) for entries in state)
+        self._answered = time.monotonic()
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
         own, subscribe = rospy.get_name(), partial(self._subscribe, master)
         missing = [

@@ -21,6 +21,8 @@ CLOCK_PERIOD = 0.01
 """Seconds between two turns."""
 LOOK_EVERY = 5
 """Turns between two looks at the publishers, and two of the diagnostics."""
+MASTER = "ROS master"
+"""What the board calls the master; no stream can have a name with a blank."""
 BY_CLOCK = "set the parameter /use_sim_time to true, and start the adapter again"
 """How to run by simulated time."""
 
@@ -89,12 +91,13 @@ class Monitor:
 
     def _look(self) -> None:
         """Report the streams' state."""
-        time_doubt = self._look_at_time()
+        time_doubt, silence = self._look_at_time(), self._graph.silence
+        self._board.trouble(MASTER, silence)
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
             by_field = any(stream.time_source == "field" for stream in part.streams)
-            trouble = "; ".join(filter(None, (trouble, part.doubt, time_doubt if by_field else "")))
+            trouble = "; ".join(filter(None, (silence, trouble, part.doubt, time_doubt if by_field else "")))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
             for stream in part.streams:
                 self._link.report(stream.name, stream.kind, time_source=stream.time_source)
