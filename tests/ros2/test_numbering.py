@@ -26,6 +26,11 @@ def kilted(publisher: int, number: int) -> dict[str, Any]:
     return jazzy(number) | {"publisher_gid": {"data": bytes([publisher] * 16)}}
 
 
+def cyclone(publisher: int) -> dict[str, Any]:
+    """As of Cyclone DDS: a number of its own, which is nobody's on the graph."""
+    return humble() | {"publisher_gid": {"data": bytes([publisher] * 8 + [0] * 8)}, "publication_sequence_number": None}
+
+
 def jazzy(number: int) -> dict[str, Any]:
     return humble() | {"publication_sequence_number": number, "reception_sequence_number": 7}
 
@@ -56,6 +61,11 @@ def test_numbers_without_their_publisher_say_nothing() -> None:
     """A node that is started again begins at 1, and two nodes have the same numbers: nothing is old or lost."""
     assert missed([jazzy(number) for number in (499, 500, 1, 2, 2, 40)]) == [0] * 6
     assert missed([humble()] * 3) == [0] * 3
+
+
+def test_a_number_that_is_nobody_s_on_the_graph_is_no_publisher() -> None:
+    assert numbering.source_of(kilted(1, 1)) == "01" * 16
+    assert numbering.source_of(cyclone(1)) == numbering.source_of(humble()) == ""
 
 
 @pytest.mark.parametrize("source", [{}, {"publisher_gid": {"data": bytes([1] * 16)}}])

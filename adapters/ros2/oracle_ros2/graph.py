@@ -20,7 +20,10 @@ SETTLED = 4.0  # seconds without a change after which discovery is taken to be c
 DISCOVERY_LIMIT = 20.0
 PARTICIPANT = 24  # digits of a publisher's number that are those of its participant
 NAMING = 2.0  # seconds in which a new publisher's node is looked for at each of its messages
-UNTOLD = "who publishes it is not told before ROS 2 Kilted: what monitors say here is taken for the robot's"
+UNTOLD = (
+    "who publishes it is not told before ROS 2 Kilted, nor over Cyclone DDS: what monitors say here is taken for the "
+    "robot's"
+)
 NOISE = ("/rosout", "/parameter_events")
 PARAMETERS = ("describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
               "list_parameters", "set_parameters", "set_parameters_atomically")  # fmt: skip
@@ -135,7 +138,7 @@ class Monitors:
         self._since = {one: at for one, at in self._since.items() if self._heard.publisher(one) is not None}
 
     def have(self, source: str) -> bool:
-        """Whether a source of what is heard is theirs; never where sources are not told, as before Kilted."""
+        """Whether a source of what is heard is theirs; never where sources are not told."""
         self._untold = not source
         if self._untold:
             return False

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Callable, Mapping
 
+HANDLE = 8
+"""Bytes of the number that Cyclone DDS gives a publisher for this process alone; zeros follow, and none in DDS's."""
 MOST = 1000
 """Publishers that are remembered: over days many come and go, and what they had lasts as long as the adapter."""
 
@@ -41,6 +43,9 @@ def is_numbered(info: Mapping[str, Any]) -> bool:
 
 
 def source_of(info: Mapping[str, Any]) -> str:
-    """The publisher of a message; empty where the middleware does not tell."""
+    """The publisher of a message, as the graph has it; empty where the middleware does not tell.
+
+    So it is over Cyclone DDS: it tells of a number that is nobody's on the graph, as if that publisher had ended.
+    """
     publisher = info.get("publisher_gid")
-    return publisher["data"].hex() if publisher else ""
+    return publisher["data"].hex() if publisher and any(publisher["data"][HANDLE:]) else ""

@@ -278,7 +278,7 @@ class FilteredTopic:
 def unreadable(topic: LoggedTopic | FilteredTopic, untold: bool) -> Iterator[str]:
     """Whose messages can't be read, and why; of who has ended while that may be `untold` by an event, as the last."""
     for source, why in list(topic.observed.unreadable.items()):
-        there = bool(topic.subscription.sources) and not source  # before Kilted it is not known who
+        there = bool(topic.subscription.sources) and not source  # it is not told who
         node = "one of its publishers" if there else topic.subscription.publisher(source)
         if node is None and (untold or topic.observed.unread):
             yield f"a publisher that has ended has published what can't be read: {why}"
