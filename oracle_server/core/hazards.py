@@ -25,6 +25,7 @@ from oracle_server.core.expression import (
 )
 from oracle_server.core.fields import inspect_fields
 from oracle_server.core.gaps import gaps
+from oracle_server.core.held import held_elsewhere, held_of_rows
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
 from oracle_server.core.lingering import lingers
@@ -57,7 +58,8 @@ def inspect(
         *twins_left_open(spec),
         *_signals(spec),
         *_expressions(spec),
-        *_held_elsewhere(spec),
+        *held_elsewhere(spec),
+        *held_of_rows(spec),
         *_unwritten(spec),
         *_filters(spec),
         *_idle_keys(spec),
@@ -119,17 +121,13 @@ def _signals(spec: Spec) -> Iterator[SpecProblem]:
                 path = ("streams", i, "signals", name)
                 yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
         for name in sorted(stream.hold):
-            if not _declares(stream, name):
+            if not stream.declares(name):
                 message = f"'{name}' is held, but is no signal of {stream.key}; {_instead_of_held(spec, stream, name)}"
                 yield SpecProblem(("streams", i, "hold"), message)
             if name in OWN[stream.traits.group]:
                 yield SpecProblem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
             if holders.setdefault(name, str(stream.key)) != str(stream.key):
                 yield SpecProblem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
-
-
-def _declares(stream: StreamSpec, name: str) -> bool:
-    return stream.signals is None or name in stream.signals
 
 
 def _instead_of_held(spec: Spec, stream: StreamSpec, name: str) -> str:
@@ -203,18 +201,6 @@ def _other_signal(spec: Spec, text: str, error: ExpressionError) -> str:
         return ""
     told = f"unknown name '{word[0]}', which is a signal of {either(owners)}"
     return f"{told}: an expression reads the fields of its own `msg` alone; put signals together in a formula"
-
-
-def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
-    """Signals that another stream holds: a warning, since histories may have sessions with such specs."""
-    holders = {name: stream.key for stream in spec.streams for name in stream.hold if _declares(stream, name)}
-    for i, stream in enumerate(spec.streams):
-        for name in sorted(n for n in stream.signals or () if n in holders and n not in stream.hold):
-            message = (
-                f"'{name}' is a signal of {stream.key}, and held by {holders[name]}: formulas see what is held "
-                f"at every event of {stream.key} that lacks its own; give one of them another name"
-            )
-            yield SpecProblem(("streams", i, "signals", name), message, severity="warning")
 
 
 def _unwritten(spec: Spec) -> Iterator[SpecProblem]:

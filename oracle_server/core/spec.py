@@ -91,6 +91,10 @@ class StreamSpec:
         """A signal's expression. Raises `ExpressionError`."""
         return parse_expression(text, each=None if self.each is None else parse_expression(self.each))
 
+    def declares(self, name: str) -> bool:
+        """Whether a name may be that of a signal of this stream: one that is declared, or any field."""
+        return self.signals is None or name in self.signals
+
     @property
     def leads(self) -> bool:
         """Whether it is the first stream of its interface."""

@@ -15,9 +15,10 @@ from oracle_server.core.derived.definition import OPS, Definition
 from oracle_server.core.derived.machinery import KeyPath, placed
 from oracle_server.core.derived.words import for_each
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.expression import check_shape, parse_expression, tokens, tree
+from oracle_server.core.expression import check_shape, tokens, tree
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Scalar, atoms
+from oracle_server.core.held import is_row_by_row
 from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.misfits import counted, described, misfits, range_at
 from oracle_server.core.namesakes import named, namesake
@@ -135,8 +136,8 @@ def _across_rows(definition: Definition, spec: Spec) -> Iterator[str]:
     """What goes from one sample to the next, where these are rows of a message, whichever they are."""
     if definition.by or definition.op not in _BY_SAMPLE:
         return
-    stream = next((s for s in spec.streams if s.each and definition.of in (s.signals or ())), None)
-    if stream is None or not isinstance(parse_expression(stream.each or "").tree, tree.Path):  # one may be chosen there
+    stream = next((s for s in spec.streams if is_row_by_row(s, definition.of)), None)
+    if stream is None:
         return
     other = next((name for name in stream.signals or () if name != definition.of), "row")
     index = "" if other != "row" else ", with `row: index` under its `signals`"

@@ -61,6 +61,16 @@ class Expression:
         """Whether a part of it is still to be written, as `todo()` says."""
         return any(isinstance(node, tree.Call) and node.name == "todo" for node in tree.walk(self.tree))
 
+    @property
+    def is_field(self) -> bool:
+        """Whether it is a field of the message as it stands there, and nothing is chosen or computed."""
+        return isinstance(self.tree, tree.Path)
+
+    @property
+    def is_of_row(self) -> bool:
+        """Whether it reads the row's element, or its place."""
+        return any(isinstance(node, tree.Variable) and node.name in self.variables for node in tree.walk(self.tree))
+
     def frame(self, steps: int, row: Sequence[object] = ()) -> Frame:
         """A frame for one evaluation, which may take so many steps; `row` is the element and its place."""
         return [steps, *row, *[None] * (self.slots - len(row))]
