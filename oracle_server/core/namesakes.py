@@ -1,4 +1,4 @@
-"""Words without quotes, which atoms take for texts: `{speed == limit}` asks for "limit", `{on: True}` for "True"."""
+"""Words without quotes, which atoms take for texts: `{speed == limit}` asks for "limit", `{goal: g}` for "g"."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ def namesakes(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about formulas of a spec without errors, whose messages have these types."""
     names = named(spec)
     for i, prop in enumerate(spec.properties):
-        if any(c.bare and _is_doubtful(c.value, names) for atom in prop.atoms for c in atom.constraints):
+        variables = frozenset(variable for atom in prop.atoms for _, variable in atom.refs)
+        if any(c.bare and _is_doubtful(c.value, names | variables) for atom in prop.atoms for c in atom.constraints):
             where = places(spec, prop.time, types)
             for atom in prop.atoms:
-                for message in namesake(atom, names, where):
+                for message in namesake(atom, names, where, variables):
                     text = f"formula of '{prop.id}': {message}"
                     yield SpecProblem(("properties", i, "formula"), text, atom.at, severity="warning")
 
@@ -48,17 +49,25 @@ def named(spec: Spec) -> frozenset[str]:
     return declared.union(definition.name for definition in spec.derive)
 
 
-def namesake(atom: Atom, names: Set[str], where: Sequence[Place]) -> Iterator[str]:
-    """What is said of the texts in an atom that are written without quotes, and are names of signals or other words.
+def namesake(atom: Atom, names: Set[str], where: Sequence[Place], variables: Set[str] = frozenset()) -> Iterator[str]:
+    """What is said of the texts in an atom without quotes that are names of signals, of variables, or other words.
 
     Nothing where the signal is known to have such a text, or no value in common with the other one.
     """
     for constraint in atom.constraints:
         key, name = constraint.key, constraint.value
-        if not (constraint.bare and isinstance(name, str) and _is_doubtful(name, names)) or key in {*NAMING, name}:
+        if not (constraint.bare and isinstance(name, str)) or key in NAMING:
+            continue
+        if name not in variables and (key == name or not _is_doubtful(name, names)):
             continue
         found = range_at(key, [p for p in where if p.allows(atom) and not p.lacks(atom)])
         if name in found.values:
+            continue
+        if name in variables:
+            yield (
+                f'`{_written(constraint)}` asks for the text "{name}", and not for the value of the variable `{name}`; '
+                f"write `*{name}`, or put the text in quotes if it is meant"
+            )
             continue
         if name not in names:
             yield from _foreign(constraint, name, found)

@@ -1,4 +1,4 @@
-"""What `check` says of a text without quotes that is the name of a signal: an equality compares with the text."""
+"""What `check` says of a text without quotes that is the name of a signal or a variable: it is compared as a text."""
 
 from __future__ import annotations
 
@@ -61,8 +61,33 @@ def test_a_word_for_a_value_of_another_language_is_told_of(formula: str, atom: s
 
 
 @pytest.mark.parametrize(
+    ("formula", "atom"),
+    [
+        ("forall[m]. {topic: /odom, mode: *m} -> not once {topic: /state, state: m}", "state: m"),
+        ("forall[m]. {mode: *m} -> eventually[:5] {state: m}", "state: m"),
+        ("exists[m]. {mode: *m, speed != m}", "speed != m"),
+        ("forall[state]. {mode: *state} -> once {state: state}", "state: state"),
+    ],
+)
+def test_a_variable_without_its_star_is_told_of(formula: str, atom: str) -> None:
+    (found,) = told(formula)
+    name = atom[-1] if atom != "state: state" else "state"
+    assert f"warning: formula of 'q': `{atom}` asks for the text \"{name}\", and not for the value of the var" in found
+    assert f"write `*{name}`" in found
+
+
+def test_a_variable_without_its_star_is_told_of_in_a_sentence() -> None:
+    text = SPEC.format(formula="{mode: *}", derive="").replace(
+        "formula: '{mode: *}'", "pattern: 'forall[m]. /odom {mode: *m} causes /state {state: m} within 5s'"
+    )
+    found = [str(each) for each in parse_spec(text, "s.yaml").warnings if "write `*m`" in each.message]
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(
     "formula",
     [
+        'forall[m]. {topic: /odom, mode: *m} -> not once {topic: /state, state: "m"}',
         'not {mode: "True"}',
         "not {topic: /state, state: None}",  # a text alone
         "{mode: NONE} -> {speed: 0}",  # so robots call it
