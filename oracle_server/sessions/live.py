@@ -64,7 +64,7 @@ class LiveSession:
         """Why it is over, where a clock went back: it ignores all further events."""
         self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
-        self.presence = Presence(record, self.monitors, clock, self.spec.close_after, weakly(self._close_for))
+        self.presence = Presence(record, self.monitors, clock, self.spec, weakly(self._close_for))
         self.judgements = Judgements()
         self.oracles: Oracles | None = None
         if core.asking is not None:

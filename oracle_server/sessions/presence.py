@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 
+from oracle_server.core.spec import Spec
 from oracle_server.core.units import span
 from oracle_server.history.records import SessionRecord
 from oracle_server.process.clock import Clock
+from oracle_server.sessions.apart import Apart
 from oracle_server.sessions.monitor import Monitor
 
 IDLE = 600 * 10**9
@@ -18,17 +20,19 @@ class Presence:
     """Since when a session has no monitor; asks for its closing where that lasts for as long as its spec says."""
 
     def __init__(
-        self, record: SessionRecord, monitors: Mapping[str, Monitor], clock: Clock, limit: int | None,
+        self, record: SessionRecord, monitors: Mapping[str, Monitor], clock: Clock, spec: Spec,
         close: Callable[[str], None],
     ) -> None:  # fmt: skip
         """Begin without a monitor since the session was opened; later ones are added to `monitors`.
 
-        `close` is called with the reason after `limit` (ns) without one, not before `watch` was called.
+        `close` is called with the reason after the spec's `close_after` without one, not before `watch` was called.
         """
         self.without_since: int | None = record.opened
         """Since when (ns) no monitor is there; None while one is."""
         self._record, self._monitors, self._clock, self._close = record, monitors, clock, close
-        self._limit = limit
+        self.apart = Apart(spec, monitors)
+        """What is held for one of them, and not seen at the events of others."""
+        self._limit = spec.close_after
         self._watches = False
         self._timer: asyncio.TimerHandle | None = None
 

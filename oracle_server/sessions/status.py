@@ -47,11 +47,15 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
 
 
 def _told_of_monitors(session: LiveSession, state: dict[str, Any]) -> dict[str, Any]:
-    """The state with the caveats of properties that come from their monitors: from those that left, and from clocks."""
-    lacks = _lacking(session)
+    """The state with the caveats of properties that come from their monitors.
+
+    They are of those that left, of what one holds and another's events do not see, and of clocks.
+    """
+    lacks, misses = _lacking(session), session.presence.apart.missing
     apart = list(_apart(session))
-    for row in state["properties"] if lacks or apart else ():
+    for row in state["properties"] if lacks or misses or apart else ():
         row["caveats"] += lacks.get(row["id"], ())
+        row["caveats"] += misses.get(row["id"], ())
         row["caveats"] += [text for text, ids in apart if row["order"] == "publication" and row["id"] in ids]
     return state
 

@@ -16,7 +16,7 @@ streams:
   - {topic: /mode, signals: {mode: msg.mode}, hold: [mode]}
   - {topic: /cmd, signals: {speed: msg.v}}
   - {topic: /odom, signals: {x: msg.x}}
-derive: {last_mode: {last: mode}}
+derive: {last_mode: {last: mode}, same: mode.upper()}
 properties:
   - {id: p, formula: 'not ({topic: /cmd, speed > 1} and {MODE: AUTO})'}
 """
@@ -30,6 +30,7 @@ properties:
         ("mode", "aab", False),  # nothing is asked of /odom
         ("mode", "bab", True),
         ("last_mode", "abb", False),
+        ("same", "abb", True),  # which is computed where the signal is, held or not
     ],
 )
 def test_what_is_held_for_another_monitor_is_said(tmp_path: Path, signal: str, monitors: str, *, is_said: bool) -> None:
