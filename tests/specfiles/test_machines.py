@@ -95,6 +95,32 @@ def test_what_is_wrong_is_told_at_its_place(was: str, wrong: str, message: str, 
     assert not any("is no machine" in each for each in told(text))
 
 
+NUMBERED = """\
+id: robot
+streams: [{topic: /a, signals: {n: msg.n, b: msg.b}}]
+derive:
+  steps: {follows: n, states: {1: [2], 2: [1, 3], 3: []}}
+  open: {follows: b, states: {true: ["false"], false: ["true"]}}
+properties: [{id: p, formula: 'not {ASKED}'}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "signal", "mend"),
+    [
+        ("steps: 3", "steps", '"3"'),
+        ("steps: 3.0", "steps", '"3"'),
+        ("steps != 3", "steps", '"3"'),
+        ("open", "open", '"true"'),
+        ("open: false", "open", '"false"'),
+    ],
+)
+def test_a_state_that_is_asked_for_as_a_number_is_to_be_put_in_quotes(asked: str, signal: str, mend: str) -> None:
+    (found,) = told(NUMBERED.replace("ASKED", asked))
+    assert f"met; a state is a text: write `{mend}`; '{signal}' is one of " in found
+    assert told(NUMBERED.replace("ASKED", f"{signal}: {mend}")) == []
+
+
 def test_the_order_of_events_is_part_of_what_a_spec_means() -> None:
     other = SPEC.replace("activate: on, configure: off", "configure: off, activate: on")
     assert parse_spec(SPEC, "a").spec.digest != parse_spec(other, "b").spec.digest

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Limit, Position, Ref, Signal
 from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.spec import Spec
 from oracle_server.core.units import span
@@ -56,11 +57,12 @@ def never(definition: Definition, constraint: Constraint) -> str | None:
     if table is None or isinstance(wanted, Any | Ref):
         return None
     text, values = render_atom(Atom((constraint,))), list(dict.fromkeys(v for v in table.values if v is not None))
-    if constraint.op not in ("==", "!="):
+    if constraint.op not in ("==", "!=") or isinstance(wanted, Signal | Limit):
         return f"`{text}` is never met: '{definition.name}' is the state of a machine, and no number"
     if wanted in values:
         return None
-    hint = nearest(str(wanted), values)
+    state = canonical(wanted)
+    hint = f'a state is a text: write `"{state}"`;' if state in values else nearest(str(wanted), values)
     meets = "never" if constraint.op == "==" else "always"
     return f"`{text}` is {meets} met; {f'{hint} ' if hint else ''}'{definition.name}' is one of {listed(values)}"
 
