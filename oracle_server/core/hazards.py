@@ -28,6 +28,7 @@ from oracle_server.core.gaps import gaps
 from oracle_server.core.held import held_elsewhere, held_of_rows
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
+from oracle_server.core.lapsing import lapsing
 from oracle_server.core.lingering import lingers
 from oracle_server.core.mingled import mingled
 from oracle_server.core.namesakes import namesakes
@@ -81,6 +82,8 @@ def inspect(
     if any(problem.severity == "error" for problem in found):
         return found
     known = types or {}
+    vacuity = list(vacuous(spec, known))
+    told = {(problem.path, problem.within) for problem in vacuity}
     return [
         *found,
         *doubtful_derived(spec, known),
@@ -90,7 +93,8 @@ def inspect(
         *gaps(spec, known),
         *namesakes(spec, known),
         *mingled(spec, known),
-        *vacuous(spec, known),
+        *(problem for problem in lapsing(spec, known) if (problem.path, problem.within) not in told),
+        *vacuity,
     ]
 
 

@@ -152,6 +152,8 @@ class Property:
     says: Literal["formula", "pattern", "requirement", "machine"] = "formula"
     measures: tuple[Definition, ...] = ()
     """The derived signals that a pattern makes for itself."""
+    states: tuple[Formula, ...] = ()
+    """What the scope and the condition of a sentence take to last from one step to the next."""
 
     @property
     def atoms(self) -> tuple[Atom, ...]:

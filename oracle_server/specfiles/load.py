@@ -226,7 +226,7 @@ def _said(
             findings.append(formula_finding(document, index, model.id, error, definitions, key))
         return None
     made = _make(model, meant.formula, " ".join(text.split()))
-    return replace(made, time=meant.time, says=key, measures=meant.measures)
+    return replace(made, time=meant.time, says=key, measures=meant.measures, states=meant.states)
 
 
 def _make(model: PropertyModel, formula: Formula, text: str, external: External | None = None) -> Property:

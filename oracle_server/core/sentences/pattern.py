@@ -38,7 +38,7 @@ def read_pattern(text: str, names: Names, streams: Mapping[str, str], time: Time
     formula = _quantified(reader, bound)
     if reader.measures:
         timed(reader, "seconds", time, reader.pieces[0])
-    return Meant(checked(formula), reader.time, tuple(reader.measures))
+    return Meant(checked(formula), reader.time, tuple(reader.measures), tuple(reader.states))
 
 
 def checked(formula: Formula) -> Formula:
@@ -128,7 +128,9 @@ def _scope(reader: Reader, colon: int) -> scopes.Scope:
         message = "a scope is `globally`, `after E`, `until E`, `after E until E` or `while φ`, and ends with `:`"
         reader.refuse(f"{message}; {reader.shown()} is none", None, SCOPES)
     start, reader.at = reader.next.start, colon
-    return scopes.during(reader.formula(start, reader.pieces[colon].start))
+    state = reader.formula(start, reader.pieces[colon].start)
+    reader.states.append(state)
+    return scopes.during(state)
 
 
 def _body(reader: Reader, scope: scopes.Scope, bound: Bound) -> Formula:

@@ -32,18 +32,23 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Meant:
-    """What a sentence stands for: a formula, what its bounds count, and the derived signals that it reads."""
+    """What a sentence stands for: a formula, what its bounds count, and the derived signals that it reads.
+
+    `states` are what its scope and its condition take to last from one step to the next.
+    """
 
     formula: Formula
     time: Time
     measures: tuple[Definition, ...] = ()
+    states: tuple[Formula, ...] = ()
 
 
 @dataclass(slots=True)
 class Reader:
     """The pieces of a text, `at` which it is; `names` are those of `define:`, `streams` map theirs to their groups.
 
-    `measures` are the derived signals that were made on the way, each with the `name` of the property before its own.
+    `measures` are the derived signals that were made on the way, each with the `name` of the property before its own;
+    `states` is what was read on the way that is taken to last.
     """
 
     text: str
@@ -54,6 +59,7 @@ class Reader:
     at: int = 0
     name: str = ""
     measures: list[Definition] = field(default_factory=list)
+    states: list[Formula] = field(default_factory=list)
     depth: int = 0
 
     @property

@@ -53,7 +53,7 @@ def read_requirement(text: str, names: Names, streams: Mapping[str, str], time: 
     formula = _timing(reader, asked)
     reader.word(".")
     reader.end("a requirement ends with its response; what says when stands before `satisfy`")
-    return Meant(checked(formula), reader.time)
+    return Meant(checked(formula), reader.time, states=tuple(reader.states))
 
 
 def _clock(reader: Reader, time: Time | None) -> None:
@@ -82,7 +82,9 @@ def _scope(reader: Reader) -> Scope:
             reader.refuse(f"behind `{word.text}` stands a mode, as in `{word.text} in charging`", None, ("in", "while"))
         return scopes.during(Not(_mode(reader)))
     if reader.word("before"):
-        return scopes.until(_mode(reader))
+        event = _mode(reader)
+        reader.states.clear()  # only that it comes counts
+        return scopes.until(event)
     if reader.word("after"):
         mode = _mode(reader)
         return scopes.after(And(Not(mode), Pre(mode)))
@@ -91,6 +93,7 @@ def _scope(reader: Reader) -> Scope:
 
 def _mode(reader: Reader) -> Formula:
     found = _either(reader)
+    reader.states.append(found)
     if "mode" not in reader.names.known:
         reader.word("mode")
     return found
@@ -99,6 +102,8 @@ def _mode(reader: Reader) -> Formula:
 def _trigger(reader: Reader, scope: Scope) -> Formula:
     word = reader.word(*CONDITIONS)
     condition = _either(reader) if word else None
+    if word is not None and condition is not None and word.text.lower() != "whenever":  # which asks at each step
+        reader.states.append(condition)
     reader.word(",")
     reader.word("then")
     return timings.trigger(scope, condition, each=word is not None and word.text.lower() == "whenever")

@@ -1,0 +1,78 @@
+"""What `check` says of scopes and conditions that are taken to last, and end with another stream's next message."""
+
+from __future__ import annotations
+
+import pytest
+
+from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.plan import plan
+from oracle_server.core.session import Session
+from oracle_server.engines.table import make_engines
+from oracle_server.specfiles.load import parse_spec
+
+SPEC = """\
+id: robot
+streams:
+  - {topic: /mode, signals: {mode: msg.mode, speed: msg.speed}, hold: HOLD}
+  - {topic: /ready, signals: {ready: msg.data}, hold: [ready]}
+  - {topic: /odom, signals: {v: msg.v}}
+define:
+  auto: '{mode: AUTO}'
+properties:
+  - {id: p, SENTENCE}
+"""
+BY_ITS_END = "requirement: 'in auto the robot shall within 2 seconds satisfy {ready}'"
+
+
+def told(sentence: str, hold: str = "[]") -> list[str]:
+    found = parse_spec(SPEC.replace("SENTENCE", sentence).replace("HOLD", hold), "s.yaml").warnings
+    return [each.message for each in found if "is taken to last" in each.message]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "verb"),
+    [
+        (BY_ITS_END, "is false"),
+        ("requirement: 'after auto the robot shall never satisfy {ready}'", "is false"),
+        ("requirement: 'when auto the robot shall within 2 seconds satisfy {ready}'", "is false"),
+        ("requirement: 'except in auto the robot shall within 2 seconds satisfy {ready}'", "is false"),
+        ("requirement: 'when !{mode: AUTO} the robot shall within 2 seconds satisfy {ready}'", "holds"),
+        ("requirement: 'when {mode: AUTO, speed > 1} the robot shall for 2 seconds satisfy {ready}'", "is false"),
+        ("pattern: 'while auto: at most 2 /odom within 2s'", "is false"),
+    ],
+)
+def test_what_ends_with_another_streams_message_is_told_of(sentence: str, verb: str) -> None:
+    (found,) = told(sentence)
+    assert f"is taken to last, and {verb} at every event of /ready and /odom, whatever was said last: only /mo" in found
+    assert " under `hold` of /mode" in found
+    assert told(sentence, "[mode, speed]") == []
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "requirement: 'in auto the robot shall always satisfy {speed < 1}'",  # of one message
+        "requirement: 'in auto the robot shall never satisfy {speed > 1}'",
+        "pattern: 'while auto: no /mode {speed > 1}'",
+        "requirement: 'when /mode {mode: AUTO} the robot shall within 2 seconds satisfy {ready}'",  # a coming is meant
+        "requirement: 'whenever auto the robot shall within 2 seconds satisfy {ready}'",
+        "requirement: 'before auto the robot shall never satisfy {ready}'",
+        "requirement: 'when {ready} the robot shall within 2 seconds satisfy {v < 1}'",
+        "pattern: 'after auto until /ready: no {v > 1}'",
+    ],
+)
+def test_what_need_not_last_is_not(sentence: str) -> None:
+    assert told(sentence) == []
+
+
+@pytest.mark.parametrize(("hold", "violations"), [("[]", 0), ("[mode]", 1)])
+def test_the_mend_has_the_requirement_broken(hold: str, violations: int) -> None:
+    """Without it the next message of any stream ends the scope, which excuses all that was asked within."""
+    ready = plan(parse_spec(SPEC.replace("SENTENCE", BY_ITS_END).replace("HOLD", hold), "s.yaml").spec)
+    session = Session(ready, [make_engines(ready)[0]], begun=0)
+    second = 10**9
+    for n, (topic, data) in enumerate([("/mode", {"mode": "AUTO"}), ("/odom", {"v": 1}), ("/odom", {"v": 1})], 1):
+        session.ingest(Event(StreamKey(topic, "topic"), "m", n, n * second, n * second, data))
+    session.finish(20 * second)
+    (state,) = session.judges["publication"].told.properties
+    assert state.violations == violations
