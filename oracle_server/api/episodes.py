@@ -15,7 +15,7 @@ from oracle_server.api.beginnings import episode_events
 from oracle_server.api.known import demand_properties, demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
-from oracle_server.api.questions import Origin, Properties
+from oracle_server.api.questions import Origin, Properties, demand_span
 from oracle_server.core.events import Order
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.scopes import needs
@@ -66,7 +66,8 @@ def wanted(
     limit: Annotated[int, Query(ge=1, le=1000, description="Episodes in one answer")] = 100,
     order: Annotated[Literal["asc", "desc"], Query(description="The oldest or the newest first, by `began`")] = "asc",
 ) -> EpisodeQuery:
-    """The question for one page of episodes."""
+    """The question for one page of episodes. Raises 422 for a time that ends before it begins."""
+    demand_span(since, until)
     cursor = None if after is None else Cursor.parse(after)
     if after is not None and cursor is None:
         raise HTTPException(422, "after: not the `next` of a page of episodes")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import Depends, Query
+from fastapi import Depends, HTTPException, Query
 from pydantic import StringConstraints
+from starlette.requests import HTTPConnection
 
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.query import Query as Question
@@ -18,6 +20,7 @@ def _none() -> list[str]:
     return []
 
 
+_REPEATABLE = frozenset(("outcome", "part", "property", "signal"))
 _BELOW = 2**63
 Nanoseconds = Annotated[int | None, Query(ge=0, lt=_BELOW, description="A publication time in ns, included")]
 Number = Annotated[
@@ -41,6 +44,20 @@ Properties = Annotated[
 ]
 
 
+async def demand_once(connection: HTTPConnection) -> None:
+    """Raise 422 for a parameter that is given several times where one counts, as what the others ask for is missed."""
+    given = Counter(name for name, _ in connection.query_params.multi_items() if name not in _REPEATABLE)
+    for name, times in given.items():
+        if times > 1:
+            raise HTTPException(422, f"query.{name}: it is given {times} times, and can be once")
+
+
+def demand_span(since: int | None, until: int | None) -> None:
+    """Raise 422 for a time that ends before it begins: that nothing is found in it would be no good news."""
+    if since is not None and until is not None and since > until:
+        raise HTTPException(422, "query.since: it is after `until`")
+
+
 def chosen(
     property: Properties,  # noqa: A002 -- the contract's word
     stream: Annotated[str | None, Query(description="Only events of the topic or service of this name")] = None,
@@ -60,5 +77,6 @@ def paged(
     ] = 100,
     order: Annotated[Literal["asc", "desc"], Query(description="The oldest or the newest first")] = "asc",
 ) -> Question:
-    """The question for one page of records."""
+    """The question for one page of records. Raises 422 for a time that ends before it begins."""
+    demand_span(since, until)
     return replace(question, since=since, until=until, after=after, limit=limit, order=order)

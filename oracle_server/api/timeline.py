@@ -16,7 +16,7 @@ from oracle_server.api.following import followed, number_of
 from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import packed_answer
-from oracle_server.api.questions import Nanoseconds
+from oracle_server.api.questions import Nanoseconds, demand_span
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, nearest
@@ -232,6 +232,5 @@ def asked(
     buckets: Annotated[int, Query(ge=1, le=MOST_BUCKETS, description="The most buckets")] = 1000,
 ) -> Question:
     """The question for a window."""
-    if since is not None and until is not None and since > until:
-        raise HTTPException(422, "query.since: it is after `until`")
+    demand_span(since, until)
     return Question(since, until, buckets, frozenset(wanted), tuple(dict.fromkeys(signal)))
