@@ -103,9 +103,7 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
     async def get_trace(request: Request, session_id: str) -> StreamingResponse:
         """Get the session's trace as JSON Lines, in the order of arrival; `replay` reads it."""
         known = await demand_session(request, registry, session_id)
-        return StreamingResponse(
-            _json_lines(history, trace_lines(history, known.number)), media_type="application/jsonl"
-        )
+        return await _json_lines(request, history, trace_lines(history, known.number))
 
     @routes.get(
         "/sessions/{session_id}/changes",
@@ -120,17 +118,33 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
         and its last: what there is to draw, without the many records between at which nothing changed.
         """
         known = await demand_session(request, registry, session_id)
-        return StreamingResponse(_json_lines(history, changed_records(history, known)), media_type="application/jsonl")
+        return await _json_lines(request, history, changed_records(history, known))
 
     return routes
 
 
-async def _json_lines(history: History, pages: AsyncGenerator[Sequence[object], None]) -> AsyncIterator[bytes]:
-    """The lines as text, in chunks of `_CHUNK`; the next one is made when the client has read the last one."""
+async def _json_lines(
+    request: Request, history: History, pages: AsyncGenerator[Sequence[object], None]
+) -> StreamingResponse:
+    """The lines of all pages. The first page is read before the answer begins: 503 where the history can't be read."""
+
+    async def first() -> Sequence[object] | None:
+        return await anext(pages, None)
+
+    chunks = _chunks(history, await unless_left(request, first()), pages)
+    return StreamingResponse(chunks, media_type="application/jsonl")
+
+
+async def _chunks(
+    history: History, first: Sequence[object] | None, pages: AsyncGenerator[Sequence[object], None]
+) -> AsyncIterator[bytes]:
+    """The lines as text, `_CHUNK` at once; the next ones are made when the client has read the last ones."""
     async with aclosing(pages):
-        async for lines in pages:
+        lines = first
+        while lines is not None:
             for start in range(0, len(lines), _CHUNK):
                 yield await history.in_thread(partial(_joined, lines[start : start + _CHUNK]))
+            lines = await anext(pages, None)
 
 
 def _joined(lines: Sequence[object]) -> bytes:
