@@ -156,8 +156,9 @@ def router(registry: Registry, history: Reading) -> APIRouter:
     ) -> EventSourceResponse:
         """Stream what has changed since `after` or Last-Event-ID: whole buckets, as a timeline from the first of them.
 
-        At most four a second come, the event `closed` is the last one. Where too much has changed there is `again` with
-        the `position`, and no bucket: ask for the timeline anew.
+        At most four a second come, the event `closed` is the last one. Where too much has changed, or `after` is of
+        another session that had the name, there is `again` with the `position`, and no bucket: ask for the timeline
+        anew.
         """
         known = await demand_session(request, registry, session_id)
         _demand_signals(registry, session_id, question)

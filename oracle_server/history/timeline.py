@@ -68,13 +68,14 @@ class Source(Protocol):
 def answer(source: Source, question: Question, properties: Sequence[str]) -> dict[str, Any]:
     """What a session tells of a window, as plain data.
 
-    With `after` nothing where no row has come since, and `again` where too much has: all is to be asked for anew.
+    With `after` nothing where no row has come since, and `again` where too much has, or where that is a position of
+    another session that had the name: all is to be asked for anew.
     """
     if question.after is None:
         return _Reading(source, question, properties).document
-    if question.after >= source.last:
+    if question.after == source.last:
         return {}
-    if source.last - question.after <= MOST_NEWS:
+    if 0 <= source.last - question.after <= MOST_NEWS:
         reading = _Reading(source, question, properties)
         if reading.fits:
             return reading.document

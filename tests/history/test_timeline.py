@@ -200,6 +200,14 @@ def test_of_too_much_news_all_is_to_be_asked_for_anew() -> None:
     assert session.ask(Question(after=1, width=10**15))["buckets"] == 1
 
 
+def test_who_has_read_further_than_there_is_asks_for_all_anew() -> None:
+    """It has read another session that had the name: it was told nothing until this one had as many steps."""
+    session = Session()
+    session.add(some(random.Random(1), 1, 20, 10**6))
+    assert session.ask(Question(after=20, width=10**9)) == {}
+    assert session.ask(Question(after=21, width=10**9)) == {"position": 20, "again": True}
+
+
 def test_a_session_of_no_steps_tells_nothing() -> None:
     found = Session().ask(Question())
     assert (found["position"], found["first"], found["last"]) == (0, None, None)
