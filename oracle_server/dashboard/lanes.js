@@ -4,6 +4,7 @@ import { paintDecisions, paintLane, paintSignal, paintStream } from "./painting.
 import { lasted } from "./episodes.js";
 import { counted, mark, moment, span } from "./words.js";
 
+const LARGE = 1e9; // a number that has as many digits as there is room for
 const MOODS = { true: "good", currently_true: "good", false: "bad", currently_false: "bad", unknown: "unsure" };
 
 /**
@@ -131,7 +132,8 @@ function plotted(value) {
 
 function last(values) {
   const found = values.findLast((value) => value !== null);
-  return found === undefined ? "" : String(Number(found.toPrecision(4)));
+  const rounded = Number((found ?? 0).toPrecision(4));
+  return found === undefined ? "" : Math.abs(rounded) < LARGE ? String(rounded) : rounded.toExponential(); // cut off it would be another number
 }
 
 function decisions({ asked, denied, hold }, time, window) {

@@ -207,7 +207,8 @@ export function paintSignal(canvas, window, { since, width, min, max, mean }, bo
   const { context } = at;
   const { from, to, lines, above, below } = linesOf(bounds, [...min, ...max].filter((value) => value !== null), failing);
   const room = 6;
-  const y = (value) => at.height - room - ((value - from) / (to - from || 1)) * (at.height - 2 * room);
+  const reaches = to / 2 - from / 2 || 1; // halves: what lies between two finite numbers may be more than the largest one
+  const y = (value) => at.height - room - ((value / 2 - from / 2) / reaches) * (at.height - 2 * room);
   context.fillStyle = colour("line-soft");
   min.forEach((value, i) => {
     if (value === null) return;

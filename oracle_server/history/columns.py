@@ -117,6 +117,13 @@ def _by_name(properties: Sequence[str], texts: Sequence[str]) -> dict[str, str]:
     return dict(zip(properties, map("".join, zip(*texts, strict=True)), strict=True))
 
 
+def _mean(sketch: Sketch) -> float:
+    """The mean of a sketch's numbers: between the least and the largest, also where their sum was cut off."""
+    count, least, largest, total = sketch[:4]
+    mean: float = max(least, min(total / count, largest))
+    return mean
+
+
 def _signal(sketches: Sequence[Sketch | None]) -> dict[str, list[Any]]:
     """A signal's columns: None where it has no number, or no text, in a bucket."""
     numbers = [sketch if sketch and sketch[0] else None for sketch in sketches]
@@ -125,7 +132,7 @@ def _signal(sketches: Sequence[Sketch | None]) -> dict[str, list[Any]]:
         "count": [sketch[0] if sketch else 0 for sketch in sketches],
         "min": [sketch and sketch[1] for sketch in numbers],
         "max": [sketch and sketch[2] for sketch in numbers],
-        "mean": [sketch and sketch[3] / sketch[0] for sketch in numbers],
+        "mean": [sketch and _mean(sketch) for sketch in numbers],
         "text": [text[0] if text else None for text in texts],
         "several": [text == [None] for text in texts],
     }

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from oracle_server.core.revisions import Change, Standing
 from oracle_server.core.verdicts import Outcome
-from oracle_server.history import blocks
+from oracle_server.history import blocks, columns
 from oracle_server.history.blocks import SIZE
 from oracle_server.history.columns import grid
 from oracle_server.history.timeline import MOST_NEWS, Question
@@ -237,3 +237,10 @@ def test_long_texts_of_many_rows_are_not_read_at_once(monkeypatch: pytest.Monkey
     assert blocks._sketches(long) == {"v": [20, 0, 19, 190], "text": [0, 0, 0, 0, None]}
     assert blocks._sketches(short) == {"v": [20, 1, 1, 20]}
     assert len(read) == 1
+
+
+@pytest.mark.parametrize("values", [[1.7e308], [-1.7e308, -1.7e308], [0.1, 0.1, 0.1]])
+def test_a_mean_lies_between_the_least_and_the_largest(values: list[float]) -> None:
+    """The sum of numbers near the largest one is cut off, and its mean was told as 1e300."""
+    found = columns._signal([blocks._of_numbers(values)])
+    assert found["mean"] == [values[0]]
