@@ -25,7 +25,7 @@ let view = sessionsView({}, refresh);
 function route() {
   const address = read();
   const { kind, id, other } = address;
-  if (kind === "sessions" && id) return sessionView(address, refresh);
+  if (kind === "sessions" && id) return sessionView(address, refresh, begin);
   if (kind === "compare" && id) return compareView(id, other);
   if (kind === "edit" && id) return editorView(id);
   if (kind === "specs") return id ? specView(id) : specsView();
@@ -35,15 +35,19 @@ function route() {
 function open() {
   const address = read();
   if (view.goTo && address.kind === "sessions" && view.key === address.id) view.goTo(address);
-  else {
-    view.leave?.();
-    view = route();
-    fresh = null;
-    document.title = view.key ? `${view.key} – oracle-server` : "oracle-server";
-    place.replaceChildren(view.node);
-    const here = ["specs", "edit"].includes(address.kind) ? "#/specs" : "#/";
-    for (const each of document.querySelectorAll("nav a")) each.toggleAttribute("aria-current", each.getAttribute("href") === here);
-  }
+  else return begin();
+  return refresh();
+}
+
+/** Open the view that the address names from its beginning. */
+function begin() {
+  view.leave?.();
+  view = route();
+  fresh = null;
+  document.title = view.key ? `${view.key} – oracle-server` : "oracle-server";
+  place.replaceChildren(view.node);
+  const here = ["specs", "edit"].includes(read().kind) ? "#/specs" : "#/";
+  for (const each of document.querySelectorAll("nav a")) each.toggleAttribute("aria-current", each.getAttribute("href") === here);
   return refresh();
 }
 
@@ -81,7 +85,7 @@ function refused(problem) {
 
 /** Say why what is shown is not as it is now, and of when it is. */
 function outdated(why, ...more) {
-  const when = fresh === null ? "" : ` What is shown is of ${moment(fresh * 1e6).slice(0, -4)}.`;
+  const when = fresh === null ? "" : `${why.endsWith(".") ? "" : "."} What is shown is of ${moment(fresh * 1e6).slice(0, -4)}.`;
   showStatus(false, `${why}${when}`, ...more);
 }
 

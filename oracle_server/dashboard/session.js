@@ -21,11 +21,14 @@ const LONG = 120_000; // ms without a step, from which on it is said
 const SETTLED = 400; // ms after the last move until the address says what is in view
 const PARTS = { Now: ".now", Time: ".time", Why: ".verdict", Sequence: ".sequence", More: ".details" };
 
-/** The view of the session that an `address` names, of its time and its verdict; `again` refreshes the page at once. */
-export function sessionView(address, again) {
+/**
+ * The view of the session that an `address` names, of its time and its verdict; `again` refreshes the page at once, `anew` opens
+ * another view in place of this one, where another session has the name.
+ */
+export function sessionView(address, again, anew) {
   const { id } = address;
   let n = address.n;
-  let [spec, timer, at_] = [null, null, null];
+  let [spec, timer, at_, opened] = [null, null, null, null];
   const head = new Place("div", { class: "head" });
   const properties = new Place("section", wide("properties"));
   const settle = rove(properties.node, "a", UP_AND_DOWN);
@@ -54,6 +57,11 @@ export function sessionView(address, again) {
 
   async function refresh() {
     const [state, found] = await standing();
+    opened ??= state.opened;
+    if (state.opened !== opened) { // the server has lost its history, or deleted the session: nothing that was read is of this one
+      rename(at(id));
+      return anew();
+    }
     spec ??= await specOf(state);
     const { formulas, thresholds } = spec ?? UNKNOWN;
     head.show({ ...headline(state, found, episodes.first()), changed: spec?.changed, silent: silence(state, timeline.last()) }, (shown) => headed(shown, visit));
