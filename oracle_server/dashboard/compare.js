@@ -106,14 +106,15 @@ function isCut({ state, episodes }) {
 }
 
 /** What came of a property in a session. */
-function told({ state, episodes, first }, name) {
+function told({ state, episodes, first, length }, name) {
   const here = state.properties.filter((each) => each.id === name);
   if (!here.length) return h("span", { class: "hint" }, "not in its spec");
   const own = episodes.filter((each) => each.property === name);
-  const failing = own.reduce((sum, each) => sum + Number(each.until === null ? 0 : lasted(each, null)), 0);
+  const failing = own.reduce((sum, each) => sum + (each.until === null ? Math.max(0, length - offset(each.began, first)) : lasted(each, null)), 0);
+  const all = own.some(({ until }) => until === null) ? "so far" : "in all";
   return here.map((each) => h("div", {}, h("span", { class: "whose" }, `${state.id}: `), badge(each.outcome), here.length > 1 ? ` by ${each.order}` : "",
     h("div", { class: "hint" }, `${some(each.violations, "violation")}, ${some(own.filter(({ order }) => order === each.order).length, "episode")}`,
-      own.length ? `, first at ${span(offset(own[0].began, first))}, ${span(failing)} in all` : "", each.unknown ? `, ${each.unknown} unknown` : "")));
+      own.length ? `, first at ${span(offset(own[0].began, first))}, ${span(failing)} ${all}` : "", each.unknown ? `, ${each.unknown} unknown` : "")));
 }
 
 /** The first episode of a property that the other session has no counterpart of; null where each has one. */

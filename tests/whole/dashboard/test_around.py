@@ -182,6 +182,18 @@ async def test_two_sessions_are_compared_from_their_first_steps(server: Server, 
     await expect(first).to_contain_text("No episode differs. All properties stand alike.")
 
 
+async def test_what_still_fails_is_compared_with_how_long_it_has_failed(
+    server: Server, session: str, page: Page
+) -> None:
+    """An episode that is open has no end, and counted as none: one of hours stood as `0.0 ms in all`."""
+    async with attached(server, session=session, spec="single") as monitor:
+        for i in range(1, 61):
+            await monitor.send(make_event(i, at=100 * i, data={"v": 11 if i >= 30 else 1}))
+        await monitor.acked(60)
+        await page.goto(f"{server.url}/#/compare/{session}/{session}")
+        await expect(page.locator(".compared tbody td").nth(1)).to_contain_text("first at 2.9 s, 3.0 s so far")
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 async def test_it_fits_a_phone_in_both_themes(browser: Browser, server: Server, told: str, theme: str) -> None:
     context = await browser.new_context(viewport={"width": 390, "height": 844}, color_scheme=theme)  # type: ignore[arg-type]
