@@ -15,8 +15,8 @@ export function nowView(id, visit) {
   const place = new Place("section", { class: "now", "aria-label": "What is wrong now" });
   const records = new Map(); // of the verdicts with which the shown episodes begin
 
-  /** Show how the session stands: `found` are its episodes, and `now` is the time of its newest step. */
-  async function refresh(state, found, now) {
+  /** Show how the session stands: `found` are its episodes, and `now` is the time of its newest step, which is `past` where it is of no such time. */
+  async function refresh(state, found, now, past) {
     const open = found.filter((each) => each.open);
     const last = found.filter((each) => !each.open).sort(byEnd)[0] ?? null;
     const shown = [...open.slice(0, OPEN), last].filter(Boolean);
@@ -27,11 +27,12 @@ export function nowView(id, visit) {
     const standing = properties.map(({ id: name, outcome, broken, caveats }) => [name, outcome, broken, caveats?.length > 0]);
     const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some((each) => each.trouble));
     const gone = properties.some(({ violations }) => violations > 0);
-    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, alone, gone, String(now)], () => [
-      ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
+    const over = status === "closed";
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, alone, over, past, gone, String(now)], () => [
+      ...open.slice(0, OPEN).map((each) => card(each, clock, now, past)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, { troubled, trouble, doubts, alone }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
-      last ? card(last, clock, now) : null,
+      open.length ? null : calm(standing, { troubled, trouble, doubts, alone, over }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
+      last ? card(last, clock, now, past) : null,
     ]);
   }
 
@@ -42,10 +43,10 @@ export function nowView(id, visit) {
     if (record?.n === episode.first) records.set(key(episode), record);
   }
 
-  function card(episode, clock, now) {
+  function card(episode, clock, now, past) {
     const { property, order, first, open, final, began, count, explanation } = episode;
     const record = records.get(key(episode));
-    const ended = open ? "" : ` ended ${ago(episode, now)}`;
+    const ended = open ? "" : ` ended ${ago(episode, now, past)}`;
     return h("a", { class: `card ${open ? "open" : "over"}`, href: at(id, first), onclick: (click) => visit(episode, click) },
       h("span", { class: "what" }, h("span", { "aria-hidden": "true" }, open ? "✗ " : "◌ "),
         h("strong", {}, property, open ? (final ? " fails for good" : " fails") : ""), order === "arrival" ? " by arrival" : "", ended),
@@ -67,8 +68,8 @@ function byEnd(one, other) {
   return apart > 0n ? 1 : apart < 0n ? -1 : 0;
 }
 
-function ago({ until }, now) {
-  return now === null ? "" : `${span(Math.max(0, Number(BigInt(now) - BigInt(until))))} ago`;
+function ago({ until }, now, past) {
+  return now === null ? "" : `${span(Math.max(0, Number(BigInt(now) - BigInt(until))))} ${past ? "before the newest step" : "ago"}`;
 }
 
 /** Who sent what an episode begins with, and whether it got through. */
@@ -79,7 +80,7 @@ function firstOf(record) {
 }
 
 /** What is said where no episode is open, and `rest` of those before: that all is well only where all is known to hold. */
-function calm(standing, { troubled, trouble, doubts, alone }, rest) {
+function calm(standing, { troubled, trouble, doubts, alone, over }, rest) {
   if (!standing.length) return h("p", { class: "card calm unsure", "data-state": "not judged" }, h("strong", {}, "How its properties stand is not known"));
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
@@ -90,7 +91,7 @@ function calm(standing, { troubled, trouble, doubts, alone }, rest) {
   const words = [
     failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
     unknown.length ? `${unknown.length} of ${standing.length} not judged: ${few(unknown)}` : null,
-    !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held" : holding === 1 ? "holds" : "hold"}` : null,
+    !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held at the newest step" : `${holding === 1 ? "holds" : "hold"}${over ? " at the end" : ""}`}` : null,
     alone ? "no monitor is there now" : null,
     degraded.length ? `${degraded.length} of ${standing.length} degraded: ${few(degraded)}` : null,
     troubled ? "not all streams are heard as they should be" : null,

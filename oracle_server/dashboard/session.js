@@ -69,8 +69,9 @@ export function sessionView(address, again, anew) {
     settle();
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
     const drawn = timeline.refresh(state, thresholds, found);
+    const past = () => !state.live || state.kind === "recording" || silence(state, timeline.last()) !== null; // whether the newest step is not of now
     const parts = await Promise.allSettled([
-      drawn, drawn.catch(() => {}).then(() => now.refresh(state, found, timeline.last())), // which says what it can without
+      drawn, drawn.catch(() => {}).then(() => now.refresh(state, found, timeline.last(), past())), // which says what it can without
       verdict.refresh(state), lower.violations(() => violations.refresh(state)),
     ]);
     list.show(found, state, timeline.last());

@@ -190,6 +190,13 @@ async def test_sessions_whose_episodes_are_gone_are_not_called_alike(start: Star
             )
             await monitor.acked(600)
     await server.until(lambda: server.get("sessions/failed/episodes")["items"], lambda found: not found)
+    await page.goto(server.url)
+    for session, told in (
+        ("failed", "no episode that is kept in the last hour"),
+        ("sound", "no episode in the last hour"),
+    ):
+        hour = page.get_by_role("row", name=session).locator("td:nth-child(4) div")
+        await expect(hour).to_have_attribute("title", told)
     await page.goto(f"{server.url}/#/compare/failed/sound")
     compared = page.locator("section.compared")
     await expect(compared).to_contain_text("Not all episodes of failed are kept any more")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import AsyncIterator
 
 import pytest_asyncio
@@ -38,7 +39,7 @@ async def test_what_is_wrong_now_stands_on_top_with_how_long_it_is(page: Page, m
     await expect(cards.first.locator(".long")).to_have_text("10.0 s")
     await expect(cards.first).to_contain_text(re.compile("since .*00:50"))
     await expect(cards.first).to_contain_text("first: /a (topic 50 of m1)")
-    await expect(cards.nth(1)).to_contain_text("a_is_small ended 30.0 s ago")
+    await expect(cards.nth(1)).to_contain_text("a_is_small ended 30.0 s before the newest step")
     await expect(page.locator(".title")).to_contain_text("1 open episode")
     await expect(page.locator(".lane.property .value")).to_have_text("✗ for 10.0 s")
     top = await page.evaluate("document.querySelector('.lane.property').getBoundingClientRect().bottom")
@@ -47,6 +48,34 @@ async def test_what_is_wrong_now_stands_on_top_with_how_long_it_is(page: Page, m
     await expect(page.locator(".now .card.open")).to_have_count(0)
     await expect(cards.first).to_contain_text("Its property holds")
     await expect(page.locator(".episodes tbody tr")).to_have_count(3)
+
+
+async def test_what_failed_is_not_said_to_have_held_and_its_end_is_told_by_the_newest_step(
+    server: Server, session: str, page: Page
+) -> None:
+    """The newest step may be of years ago, and that all properties held was said of what had failed for hours."""
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(
+            make_events(*(make_event(i, at=i * SECOND, data={"v": 11 if i == 5 else 1}) for i in range(1, 20)))
+        )
+        await monitor.acked(19)
+        await monitor.detach()
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    cards = page.locator(".now .card")
+    await expect(cards.first).to_have_text("Its property held at the newest step; no monitor is there now")
+    await expect(cards.nth(1)).to_contain_text("a_is_small ended 14.0 s before the newest step")
+    assert server.http.delete(f"/api/v1/sessions/{session}").status_code == 200
+    await expect(cards.first).to_have_text("Its property holds at the end")
+
+
+async def test_an_episode_of_just_now_ended_so_long_ago(server: Server, session: str, page: Page) -> None:
+    begin = (time.time_ns() - BASE) // 10**6 - 20 * SECOND
+    async with attached(server, session=session, spec="single") as monitor:
+        for i in range(1, 21):
+            await monitor.send(make_event(i, at=begin + i * SECOND, data={"v": 11 if i == 5 else 1}))
+        await monitor.acked(20)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".now .card").nth(1)).to_contain_text("a_is_small ended 15.0 s ago")
 
 
 async def test_a_session_without_a_known_outcome_is_not_called_good(server: Server, session: str, page: Page) -> None:

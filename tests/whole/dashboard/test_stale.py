@@ -143,7 +143,7 @@ async def test_what_nobody_observes_is_told_as_past(server: Server, session: str
         card = page.locator(".now .card")
         await expect(card).to_have_attribute("data-state", "hold")
         await monitor.detach()
-        await expect(card).to_contain_text("Its property held; no monitor is there now")
+        await expect(card).to_contain_text("Its property held at the newest step; no monitor is there now")
         await expect(card).to_have_attribute("data-state", "not watched")
 
 
