@@ -49,7 +49,7 @@ function properties(answer, state, found, now, time, window) {
     const doubt = caveats.length || degraded ? "degraded" : "";
     return {
       group: "property", name, title: [`${name}: ${outcome}`, ...caveats.map((text) => `degraded: ${text}`)].join("; "), open: Boolean(open), said: inWords(name, outcome, own, state.clock),
-      value: [mark(outcome), open ? told[1] : told[0], doubt].filter(Boolean).join(" "), mood: doubt && MOODS[outcome] === "good" ? "unsure" : MOODS[outcome],
+      value: [mark(outcome), doubt, open ? told[1] : told[0]].filter(Boolean).join(" "), mood: doubt && MOODS[outcome] === "good" ? "unsure" : MOODS[outcome],
       holds: !open && !doubt && MOODS[outcome] === "good" && holdsThroughout(lane, window),
       together,
       codes, degraded: lane.degraded, time,

@@ -149,13 +149,13 @@ function brief(text) {
 }
 
 /** The last hour of a session: when it was open, and its episodes. */
-function hour({ clock, opened, closed, without_monitor_since: alone, day, open, cut }) {
+function hour({ clock, opened, closed, without_monitor_since: alone, day, open, cut, violations }) {
   if (clock === "sim") return "";
   const last = now();
   const share = (ms) => Math.min(1, Math.max(0, 1 - (last - ms) / HOUR));
   const runs = [...day, ...open].map(({ began, until }) => [share(time(began)), share(until === null ? last : time(until)), "fails"]).filter(([, to]) => to > 0);
   const there = [share(time(opened)), share(closed || alone ? time(closed ?? alone) : last), "no"];
-  const text = runs.length ? `${counted(day.length, "episode")}${cut ? " or more" : ""} in 24 h` : cut === "hour" ? "it is not known whether there were episodes in the last hour" : "no episode in the last hour";
+  const text = runs.length ? `${counted(day.length, "episode")}${cut ? " or more" : ""} in 24 h` : cut === "hour" ? "it is not known whether there were episodes in the last hour" : `no episode${violations ? " that is kept" : ""} in the last hour`; // of violations that are deleted nobody knows when they were
   return h("div", { title: text }, strip(there[1] > 0 ? [there, ...runs] : runs, null, WIDE));
 }
 

@@ -57,6 +57,7 @@ export function timelineView(id, { choose, step, moved }) {
   /** Ask for how far the session reaches, and for all of it once that has changed by a bucket. */
   async function look() {
     const ends = whole ? await get(of(id, "timeline"), { buckets: 1, part: "steps" }) : null;
+    if (ends?.first === null) return; // all of it was deleted meanwhile
     const due = !whole || window.offset(ends.last) - whole.end >= whole.width || whole.passes !== told.state.revising?.passes;
     const found = due ? await get(of(id, "timeline"), { buckets: OVERVIEW, part: "lanes" }) : ends;
     if (found.first === null) return;

@@ -177,7 +177,7 @@ async def test_what_is_judged_in_part_alone_is_not_said_to_hold(
     )
     await page.goto(f"{server.url}/#/sessions/{session}")
     card = page.locator(".now .card").first
-    await expect(card).to_contain_text("Its property holds as far as is known")
+    await expect(card).to_contain_text("Its property holds at the end as far as is known")
     await expect(card).to_have_attribute("data-state", "not known")
 
 
