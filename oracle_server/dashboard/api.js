@@ -51,6 +51,7 @@ export async function ask(method, path, query = {}, { within = TIMEOUT, signal, 
   const url = new URL(`api/v1/${path}`, document.baseURI);
   for (const [name, value] of Object.entries(query)) [value].flat().forEach((each) => url.searchParams.append(name, each));
   const token = sessionStorage.getItem(TOKEN);
+  if (/[^!-~]/.test(token ?? "")) throw new Problem(401, "The token has a character that no token has."); // nor any header: nothing would be sent
   const headers = { ...more, ...(token ? { Authorization: `Bearer ${token}` } : {}) };
   const ends = AbortSignal.any([AbortSignal.timeout(within), ...(signal ? [signal] : [])]);
   let response, text;

@@ -97,6 +97,24 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     assert secret not in server.log
 
 
+async def test_a_token_with_a_character_that_none_has_is_asked_for_again(
+    start: Starts, tmp_path: Path, page: Page
+) -> None:
+    """No header can have it, so that nothing was sent: the page said that the server can't be reached, for good."""
+    (tmp_path / "data").mkdir()
+    secret = add(tmp_path / "data" / "tokens.json", "reader", ["read"])
+    server = start()
+    await page.goto(f"{server.url}/")
+    field, use = page.get_by_label("token"), page.get_by_role("button", name="Use")
+    await field.fill(f"“{secret}”")
+    await use.click()
+    await expect(page.get_by_role("status")).to_contain_text("The token has a character that no token has.")
+    await page.reload()
+    await field.fill(secret)
+    await use.click()
+    await expect(page.get_by_role("status")).to_have_text("connected")
+
+
 async def test_a_server_that_is_away_is_told_and_found_again(start: Starts, page: Page) -> None:
     with reserved_port() as place:
         port = str(place.getsockname()[1])
