@@ -31,11 +31,14 @@ _LOOK_EVERY = 0.5
 """Seconds between two looks for connections that have waited for too long."""
 _SESSION = (
     "-c client_encoding=UTF8 -c standard_conforming_strings=on -c client_connection_check_interval=1000 "
-    "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3 -c client_min_messages=warning"
+    "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3 -c client_min_messages=warning "
+    r"-c default_transaction_isolation=read\ committed -c DateStyle=ISO"
 )
-"""A backend whose client is gone ends what it does within a second, and where the network is gone in some ten.
+"""Whatever a role or the database has set.
 
-Its warnings are told, also where a role or the database has it that none are: `commit` goes by them.
+A backend whose client is gone ends what it does within a second, and where the network is gone in some ten. Its
+warnings are told: `commit` goes by them. Who has waited for a lock sees what was committed meanwhile. Times are written
+as psycopg reads them.
 """
 _OF_THE_NETWORK: dict[str, Any] = {
     "connect_timeout": _CONNECT_WITHIN, "keepalives": 1, "keepalives_idle": 5, "keepalives_interval": 2,
