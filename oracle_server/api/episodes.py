@@ -12,19 +12,17 @@ from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
 
 from oracle_server.api.beginnings import episode_events
-from oracle_server.api.known import demand_properties, demand_session
+from oracle_server.api.known import covered, demand_properties, demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
 from oracle_server.api.questions import Origin, Properties, demand_span
 from oracle_server.core.events import Order
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.scopes import needs
-from oracle_server.edge.tokens import Grant
 from oracle_server.history.episodes import Cursor, EpisodeQuery
 from oracle_server.history.port import History
 from oracle_server.sessions.elsewhere import OtherServerError
 from oracle_server.sessions.registry import Registry
-from oracle_server.sessions.runs import beginning
 from oracle_server.wire.json import encode_bytes
 
 Time = Annotated[int | None, Query(ge=0, lt=2**63)]
@@ -89,9 +87,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         request: Request, query: Annotated[EpisodeQuery, Depends(wanted)], origin: Origin = None
     ) -> Response:
         """List the episodes of all sessions that the token covers, open and closed ones. The answer has an `ETag`."""
-        grant = grant_of(request)
-        sessions = await _covered(grant, history)
-        return await page(request, replace(query, specs=grant.specs, sessions=sessions, origin=origin))
+        return await page(request, replace(query, whose=await covered(grant_of(request), history, origin)))
 
     @routes.get("/sessions/{session_id}/episodes", response_model=EpisodePage)
     @needs("read")
@@ -136,11 +132,3 @@ def router(registry: Registry, history: History) -> APIRouter:
         return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return routes
-
-
-async def _covered(grant: Grant, history: History) -> frozenset[str] | None:
-    """The sessions that a grant is bound to, and those in which these go on; None where it is bound to none."""
-    if grant.sessions is None:
-        return None
-    later = [name for session in grant.sessions for name in await history.names(beginning(session))]
-    return grant.sessions | frozenset(filter(grant.covers_session, later))

@@ -13,13 +13,24 @@ from starlette.requests import HTTPConnection
 from oracle_server.core.errors import OracleError
 from oracle_server.core.nearest import either, nearest
 from oracle_server.edge.access import demand, grant_of
+from oracle_server.edge.tokens import Grant
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
+from oracle_server.history.whose import Whose
 from oracle_server.sessions.registry import Registry
+from oracle_server.sessions.runs import beginning
 from oracle_server.sessions.summary import told
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.specfiles.load import parse_spec
+
+
+async def covered(grant: Grant, history: Reading, origin: str | None = None) -> Whose:
+    """The sessions that a grant is valid for, and those in which these go on; or of these a robot's."""
+    if grant.sessions is None:
+        return Whose(grant.specs, None, origin)
+    later = [name for session in grant.sessions for name in await history.names(beginning(session))]
+    return Whose(grant.specs, grant.sessions | frozenset(filter(grant.covers_session, later)), origin)
 
 
 async def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> SessionRecord:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Body, HTTPException, Query, Request, Response
 from pydantic import BaseModel, ConfigDict
 
-from oracle_server.api.known import demand_name, demand_session, state_of, unknown_spec
+from oracle_server.api.known import covered, demand_name, demand_session, state_of, unknown_spec
 from oracle_server.api.packing import json_answer, tagged_answer
 from oracle_server.api.questions import Origin
 from oracle_server.edge.access import demand, grant_of
@@ -54,7 +54,8 @@ def router(registry: Registry, history: History) -> APIRouter:
         origin: Origin = None,
     ) -> Response:
         """List all sessions, open ones first; in brief, what a list of many shows of each. The answer has an `ETag`."""
-        grant, states = grant_of(request), await registry.states(origin)
+        grant = grant_of(request)
+        states = await registry.states(await covered(grant, history, origin))
         seen = [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]
         return await tagged_answer(request, history, partial(_listed, seen, short))
 

@@ -17,7 +17,7 @@ from oracle_server.core.naming import first_name, moment
 from oracle_server.edge.tokens import Token
 from oracle_server.process.progress import progress
 from oracle_server.process.tables import print_table
-from oracle_server.sessions.summary import stream_troubles
+from oracle_server.sessions.summary import LISTED, stream_troubles
 
 SESSIONS = ("session", "spec", "status", "monitors", "steps", "violations", "first at")
 _CLOSED_WITHIN = 30.0
@@ -48,6 +48,8 @@ def show_sessions(client: Client, origin: str | None = None, *, as_json: bool) -
     document = client.get("sessions", origin=origin)
     show(document, SESSIONS, [session_row(state) for state in document["items"]], as_json=as_json)
     if not as_json:
+        if sum(state["status"] == "closed" for state in document["items"]) >= LISTED:
+            sys.stdout.write(f"of closed sessions these are the last {LISTED:,}; `verdicts SESSION` tells of any\n")
         for state in document["items"]:
             _show_caveats(state | {"doubts": _first_of(state.get("doubts", ()))}, f"{state['id']}: ")
 

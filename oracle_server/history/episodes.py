@@ -14,8 +14,8 @@ from oracle_server.core.events import Order
 from oracle_server.core.judge import Judge
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.verdicts import Judged
-from oracle_server.history.origins import origin_of
 from oracle_server.history.records import SessionRecord
+from oracle_server.history.whose import ALL, Whose
 
 _WRITTEN = re.compile(r"([0-9]{1,19}):([0-9]{1,19}):([A-Za-z0-9_.-]{1,64}):([0-9]{1,19})")
 _BEYOND = 2**63
@@ -60,8 +60,8 @@ class Cursor(NamedTuple):
 class EpisodeQuery:
     """Which episodes are wanted: of one session, by its number, or of all those that a sender may see.
 
-    `since` and `until` (ns, both included): those that were not over before, and had begun by then. `specs` and
-    `sessions` are ids, None for any. `origin`: of sessions that are forwarded from this robot. `order` goes by `began`.
+    `since` and `until` (ns, both included): those that were not over before, and had begun by then. `order` goes by
+    `began`.
     """
 
     session: int | None = None
@@ -72,18 +72,11 @@ class EpisodeQuery:
     after: Cursor | None = None
     limit: int = 100
     order: Literal["asc", "desc"] = "asc"
-    specs: frozenset[str] | None = None
-    sessions: frozenset[str] | None = None
-    origin: str | None = None
+    whose: Whose = ALL
 
     def asks_of(self, session: SessionRecord) -> bool:
         """Whether episodes of a session are wanted."""
-        return (
-            (self.session is None or session.number == self.session)
-            and (self.specs is None or session.spec in self.specs)
-            and (self.sessions is None or session.id in self.sessions)
-            and (self.origin is None or origin_of(session.id) == self.origin)
-        )
+        return (self.session is None or session.number == self.session) and self.whose.has(session)
 
     def matches(self, stored: StoredEpisode) -> bool:
         """Whether an episode is wanted, as far as that does not depend on its session and the page."""

@@ -16,7 +16,6 @@ from oracle_server.core.verdicts import FINAL
 from oracle_server.history.alone import Alone
 from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode, page_of
 from oracle_server.history.matching import Take, Told, told
-from oracle_server.history.origins import origin_of
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -34,6 +33,7 @@ from oracle_server.history.remembered import STEP, Kept
 from oracle_server.history.steps import StepsSource, arrival, is_undone, made, plain, without_data
 from oracle_server.history.timeline import Question, answer
 from oracle_server.history.views import Doubts
+from oracle_server.history.whose import ALL, Whose
 
 T = TypeVar("T")
 _encode = msgspec.json.Encoder().encode
@@ -261,10 +261,10 @@ class MemoryHistory(Alone):
         """How a closed session stood."""
         return next((kept.state for kept in self._kept.values() if kept.record.id == name), None)
 
-    async def closed_states(self, limit: int, origin: str | None = None) -> list[Document]:
-        """How the closed sessions stood, all or those that are forwarded from a robot, the newest first."""
+    async def closed_states(self, limit: int, whose: Whose = ALL) -> list[Document]:
+        """How the closed sessions stood of which it is asked, the newest first."""
         kept = [self._kept[number] for number in sorted(self._kept, reverse=True)]
-        asked = [one for one in kept if origin is None or origin_of(one.record.id) == origin]
+        asked = [one for one in kept if whose.has(one.record)]
         return [one.state for one in asked if one.state is not None][:limit]
 
     async def monitors(self, session: int) -> list[MonitorRecord]:

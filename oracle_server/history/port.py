@@ -35,6 +35,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.history.timeline import Question
 from oracle_server.history.views import Doubts
+from oracle_server.history.whose import ALL, Whose
 
 T = TypeVar("T")
 Done = Callable[[], object]
@@ -186,8 +187,8 @@ class Reading(Protocol):
         """How a closed session stood, None where none of that id is closed."""
         ...
 
-    async def closed_states(self, limit: int, origin: str | None = None) -> list[Document]:
-        """How the sessions stood that were opened last and are closed, the newest first; `origin`: of this robot."""
+    async def closed_states(self, limit: int, whose: Whose = ALL) -> list[Document]:
+        """How the sessions stood that were opened last and are closed, of those that are asked of, the newest first."""
         ...
 
     async def monitors(self, session: int) -> list[MonitorRecord]:

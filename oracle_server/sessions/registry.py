@@ -18,6 +18,7 @@ from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
 from oracle_server.history.readers import reading_for
 from oracle_server.history.records import Document, SessionRecord
+from oracle_server.history.whose import ALL, Whose
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import SETTLE_WITHIN
 from oracle_server.review.restore import restore
@@ -35,13 +36,11 @@ from oracle_server.sessions.restoring import Restoring
 from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import present_state, session_state
 from oracle_server.sessions.stopping import adrift, demand_having, demand_keeping, leave, let_go, settle, stops
+from oracle_server.sessions.summary import LISTED
 from oracle_server.sessions.unrestored import Unrestored
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
-
-_LISTED = 1_000
-"""Closed sessions that are listed."""
 
 log = structlog.get_logger()
 
@@ -193,17 +192,17 @@ class Registry:
             return recorded.state
         return await self._history.closed_state(session_id) or await self.others.state(session_id)
 
-    async def states(self, origin: str | None = None) -> list[dict[str, Any]]:
-        """The states of all sessions, or of a robot's, open ones first, the newest first. Raises `HistoryError`."""
+    async def states(self, whose: Whose = ALL) -> list[dict[str, Any]]:
+        """The states of open sessions, then of the last closed ones that are asked of. Raises `HistoryError`."""
         live = []
-        if origin is None:  # what is forwarded is never open here
+        if whose.origin is None:  # what is forwarded is never open here
             for session in [*reversed(self.open.values())]:
                 live.append(present_state(session, session.clock.now()))
                 await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
             live += [one.state for one in self.recorded.values()] + [one.state for one in self.unrestored.values()]
-        live += await self.others.states(origin)
+        live += await self.others.states(whose.origin)
         listed = {state["id"] for state in live}  # one of these may be closed meanwhile
-        closed = await self._history.closed_states(_LISTED, origin)
+        closed = await self._history.closed_states(LISTED, whose)
         return [*live, *(state for state in closed if state["id"] not in listed)]
 
     async def _close(self, session: LiveSession, because: str) -> None:

@@ -17,7 +17,8 @@ _BRIEF = (
     "closed", "closed_because", "continued_by", "trouble",
 )  # fmt: skip
 
-
+LISTED = 1_000
+"""Closed sessions that are listed at the most."""
 _FEW = 3
 """Caveats, and doubts, that a list shows of a session."""
 

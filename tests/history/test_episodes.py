@@ -15,6 +15,7 @@ from oracle_server.core.verdicts import Outcome
 from oracle_server.history.episodes import Cursor, EpisodeQuery, StoredEpisode
 from oracle_server.history.port import History
 from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.history.whose import Whose
 from tests.history.making import PROPERTIES, add, opened, step
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
@@ -73,10 +74,10 @@ async def test_one_is_told_with_all_that_is_known_of_it(filled: History) -> None
         (EpisodeQuery(since=151), [12, 21, 31]),
         (EpisodeQuery(until=119), [11]),
         (EpisodeQuery(since=305, until=305), [12, 21, 31]),
-        (EpisodeQuery(specs=frozenset({"other"})), [21]),
-        (EpisodeQuery(sessions=frozenset({"s"})), [11, 12, 31]),
-        (EpisodeQuery(sessions=frozenset()), []),
-        (EpisodeQuery(specs=frozenset({"other"}), sessions=frozenset({"s"})), []),
+        (EpisodeQuery(whose=Whose(specs=frozenset({"other"}))), [21]),
+        (EpisodeQuery(whose=Whose(sessions=frozenset({"s"}))), [11, 12, 31]),
+        (EpisodeQuery(whose=Whose(sessions=frozenset())), []),
+        (EpisodeQuery(whose=Whose(frozenset({"other"}), frozenset({"s"}))), []),
     ],
 )
 async def test_those_are_found_that_are_asked_for(filled: History, query: EpisodeQuery, found: list[int]) -> None:
@@ -94,9 +95,9 @@ async def test_those_of_a_robot_are_its_own_alone(history: History, origin: str)
         history.close_session(number, 500, {"id": name})
     await history.flush()
     own = [name for name in ROBOTS if "@" in name and name.split("@")[1] == origin]
-    found, _ = await history.episodes(EpisodeQuery(origin=origin))
+    found, _ = await history.episodes(EpisodeQuery(whose=Whose(origin=origin)))
     assert [record["session"] for record in found] == own
-    assert [state["id"] for state in await history.closed_states(2, origin)] == own[::-1][:2]
+    assert [state["id"] for state in await history.closed_states(2, Whose(origin=origin))] == own[::-1][:2]
 
 
 @pytest.mark.parametrize("order", ["asc", "desc"])

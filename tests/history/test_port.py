@@ -30,6 +30,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import records
+from oracle_server.history.whose import Whose
 from tests.history.making import PROPERTIES, add, asked_for, find, opened, some_steps, step
 
 Direction = Literal["asc", "desc"]
@@ -112,6 +113,8 @@ async def test_closed_sessions_are_listed_the_newest_first(history: History) -> 
         history.close_session(number, number, {"id": f"s{number}"})
     await history.flush()
     assert await history.closed_states(2) == [{"id": "s3"}, {"id": "s2"}]
+    assert await history.closed_states(1, Whose(sessions=frozenset({"s1", "s2"}))) == [{"id": "s2"}]
+    assert await history.closed_states(1, Whose(specs=frozenset({"another"}))) == []
 
 
 async def test_a_monitor_takes_the_place_of_the_one_of_its_name(history: History) -> None:

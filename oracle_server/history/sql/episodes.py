@@ -10,7 +10,7 @@ import msgspec
 from oracle_server.core.episode import Episode
 from oracle_server.history.episodes import Cursor, EpisodeQuery, Page, StoredEpisode, told, worst_of
 from oracle_server.history.sql.database import Database
-from oracle_server.history.sql.origins import of_origin
+from oracle_server.history.sql.whose import among, joined, of
 
 KEEP = """
 INSERT INTO episodes (session, property, first, ord, began, last, until, open, final, count, worst, explanation)
@@ -120,14 +120,11 @@ def _stored(row: tuple[Any, ...]) -> StoredEpisode:
 
 
 def _conditions(query: EpisodeQuery) -> tuple[str, list[Any]]:
-    wanted: list[tuple[str, Sequence[Any]]] = []
+    wanted = of(query.whose, "s")
     if query.session is not None:
         wanted.append(("e.session = ?", (query.session,)))
-    for column, names in (("e.property", query.properties), ("s.spec", query.specs), ("s.id", query.sessions)):
-        if names or (names is not None and column != "e.property"):
-            wanted.append((f"{column} IN ({','.join('?' * len(names))})" if names else "false", sorted(names)))
-    if query.origin is not None:
-        wanted.append(of_origin("s.id", query.origin))
+    if query.properties:
+        wanted.append(among("e.property", query.properties))
     if query.since is not None:
         wanted.append(("(e.open OR e.until >= ?)", (query.since,)))
     if query.until is not None:
@@ -137,5 +134,4 @@ def _conditions(query: EpisodeQuery) -> tuple[str, list[Any]]:
     if query.after is not None:
         sign = ">" if query.order == "asc" else "<"
         wanted.append((f"(e.began, e.session, e.property, e.first) {sign} (?, ?, ?, ?)", query.after))
-    where = " AND ".join(condition for condition, _ in wanted) or "true"
-    return where, [value for _, values in wanted for value in values]
+    return joined(wanted)

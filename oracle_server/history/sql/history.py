@@ -34,7 +34,6 @@ from oracle_server.history.sql.blocks import forgetting
 from oracle_server.history.sql.catching import catch_up
 from oracle_server.history.sql.database import Database, Store
 from oracle_server.history.sql.episodes import COUNT, END, FORGET, keeping, read
-from oracle_server.history.sql.origins import of_origin
 from oracle_server.history.sql.reader import Reader
 from oracle_server.history.sql.refusals import needless, refusals
 from oracle_server.history.sql.rows import (
@@ -64,9 +63,11 @@ from oracle_server.history.sql.statements import (
     insertion,
     upsert,
 )
+from oracle_server.history.sql.whose import closed
 from oracle_server.history.sql.writer import Writer
 from oracle_server.history.timeline import Question
 from oracle_server.history.views import Doubts
+from oracle_server.history.whose import ALL, Whose
 
 T = TypeVar("T")
 
@@ -286,11 +287,9 @@ class SqlHistory:
         sql = "SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL"
         return await self._lookups.one(document_of, sql, (name,))
 
-    async def closed_states(self, limit: int, origin: str | None = None) -> list[Document]:
-        """How the closed sessions stood, all or those that are forwarded from a robot, the newest first."""
-        where, values = ("true", ()) if origin is None else of_origin("id", origin)
-        sql = f"SELECT state FROM sessions WHERE closed IS NOT NULL AND {where} ORDER BY number DESC LIMIT ?"  # noqa: S608
-        return await self._reader.all(document_of, sql, (*values, limit))
+    async def closed_states(self, limit: int, whose: Whose = ALL) -> list[Document]:
+        """How the closed sessions stood of which it is asked, the newest first."""
+        return await self._reader.all(document_of, *closed(whose, limit))
 
     async def monitors(self, session: int) -> list[MonitorRecord]:
         """The monitors of a session."""
