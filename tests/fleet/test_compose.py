@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
+import pytest
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.postgres.connection import Connection
 from tests.fleet.demo import ROBOT
 from tests.postgres import Postgres, needed
 from tests.processes import eventually
@@ -57,6 +61,24 @@ def test_what_is_acked_is_with_the_standby_that_the_scripts_make(tmp_path: Path)
                 assert made.status_code == 201
                 (kept,) = eventually(lambda: primary.do("SELECT id FROM sessions", url), len)
                 assert kept == ("s",)
+
+
+def test_a_standby_is_not_taken_for_the_database_where_a_url_has_both() -> None:
+    """What was read there could lack what was committed; a server that took sessions over would judge that again."""
+    needed()
+    name, value = SERVICES["database"]["command"][2].split("=")
+    with Postgres({name: value}) as primary:
+        assert primary.script(FOLDER / "fleet" / "primary.sh").wait() == 0
+        with standby(primary) as url:
+            both = url.replace("port=5433", "port=5433,5432").replace(
+                "host=", f"host={quote(str(primary.folder), safe='')},"
+            )
+            with contextlib.closing(Connection(both, "test", 10.0)) as connection:
+                assert connection.execute("SELECT pg_is_in_recovery()").fetchone() == (False,)
+            primary.stop()
+            with pytest.raises(HistoryError, match="server is in hot standby mode"):
+                Connection(both, "test", 10.0)
+            primary.start()
 
 
 @contextlib.contextmanager

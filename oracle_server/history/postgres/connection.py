@@ -42,8 +42,9 @@ as psycopg reads them.
 """
 _OF_THE_NETWORK: dict[str, Any] = {
     "connect_timeout": _CONNECT_WITHIN, "keepalives": 1, "keepalives_idle": 5, "keepalives_interval": 2,
-    "keepalives_count": 3, "tcp_user_timeout": 10_000,
+    "keepalives_count": 3, "tcp_user_timeout": 10_000, "target_session_attrs": "primary",
 }  # fmt: skip
+"""Of several hosts that which is no standby: such a one may lack what was committed, and nobody would see that."""
 UNFIT = (psycopg.DataError, psycopg.IntegrityError, psycopg.errors.ProgramLimitExceeded)
 """What is raised for a value that can't be kept, now or ever."""
 
