@@ -34,6 +34,11 @@ def reading_for(client: str = _SERVER) -> Iterator[None]:
         _client.reset(token)
 
 
+def reader() -> str:
+    """The client for whom is read now."""
+    return _client.get()
+
+
 class _Read(NamedTuple):
     client: str
     work: Callable[[], Any]

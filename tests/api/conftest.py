@@ -36,6 +36,11 @@ class Asked:
     http: httpx.AsyncClient
     checking: Checking
 
+    def at(self, address: str) -> httpx.AsyncClient:
+        """What asks from another address."""
+        transport = httpx.ASGITransport(self.guarded, raise_app_exceptions=False, client=(address, 1))
+        return httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1")
+
 
 @pytest.fixture
 async def asked(tmp_path: Path) -> AsyncIterator[Asked]:
