@@ -1,7 +1,8 @@
-"""What an adapter for ROS 1 says that can't start on this machine."""
+"""What an adapter for ROS 1 says that can't start on this machine; it can be ended while it starts."""
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -40,3 +41,25 @@ def test_a_package_of_ros_that_is_missing_is_named(tmp_path: Path) -> None:
     (package / "__init__.py").touch()
     path = environment(**beside_server()).get("PYTHONPATH", "")
     assert said(PYTHONPATH=f"{tmp_path}:{path}") == "No module named 'diagnostic_msgs.msg'"
+
+
+ENDED_AS_ROS_IS_IMPORTED = """
+import os, signal, sys
+
+class Ending:
+    def find_spec(self, name, *_):
+        if name == "rospy":
+            os.kill(os.getpid(), signal.{name})
+
+sys.meta_path.insert(0, Ending())
+from oracle_ros1.__main__ import main
+sys.exit(main(["monitor", "--oracle", "http://127.0.0.1:1"]))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda number: number.name)
+def test_a_signal_that_comes_as_ros_is_imported_ends_it_well(number: signal.Signals, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", ENDED_AS_ROS_IS_IMPORTED.replace("{name}", number.name)]
+    settings = environment(ROS_LOG_DIR=str(tmp_path), ROS_MASTER_URI="http://127.0.0.1:1")
+    ended = subprocess.run(command, env=settings, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
