@@ -21,6 +21,17 @@ def test_a_master_that_does_not_answer_is_not_waited_for_without_end(monkeypatch
             graph.master_proxy().getSystemState()
 
 
+def test_a_node_that_can_not_be_reached_where_it_says_it_is_keeps_nothing_waiting(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As where ROS_IP is wrong: the master would not be asked meanwhile, who publishes past the monitor not seen."""
+    monkeypatch.setattr(graph, "ASK_WITHIN", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections, and reads nothing
+        uri = f"http://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(OSError, match="timed out"):
+            graph._connect(Master(lossy=False), "/number", "std_msgs/Int64", uri)
+
+
 class Topics:
     """What rospy has of this node: one subscriber."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import sys
 from pathlib import Path
@@ -55,12 +56,17 @@ def assert_over(connection: socket.socket) -> None:
     assert connection.recv(1) == b""
 
 
-def test_an_adapter_tells_that_nobody_can_connect_to_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "address", "why"),
+    [
+        ("ROS_HOSTNAME", "robot.invalid", "which is not known here"),
+        ("ROS_IP", "192.0.2.1", "where it does not reach itself"),  # an address that no machine has
+    ],
+)
+def test_an_adapter_tells_that_nobody_can_connect_to_it(name: str, address: str, why: str, tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
         words = ("--oracle", scene.server.url, "--spec", "switch")
-        command = ("env", "--unset=ROS_IP", "ROS_HOSTNAME=robot.invalid", sys.executable, "-m", "oracle_ros1", *words)
+        command = ("env", "--unset=ROS_IP", f"{name}={address}", sys.executable, "-m", "oracle_ros1", *words)
         adapter = scene.run("adapter", *command)
-        adapter.said(
-            r"other nodes are told to connect to this one at http://robot\.invalid:\d+/, which is not known here"
-        )
-        assert "is not known here" not in scene.adapter("switch").log
+        adapter.said(rf"other nodes are told to connect to this one at http://{re.escape(address)}:\d+/, {why}")
+        assert "are told to connect" not in scene.adapter("switch").log

@@ -24,7 +24,7 @@ REPLY_WITHIN = 10.0
 SILENT_AFTER = 5.0
 """Seconds without an answer after which it is said that the master does not answer."""
 ASK_WITHIN = 1.0
-"""Seconds that it may take while a message waits for the answer."""
+"""Seconds that it may take while a message waits for the answer, or a node."""
 ASK_AGAIN = 0.05
 """Seconds between two requests about nodes that the master did not know when it was asked in turn."""
 MOST_KNOWN = 10_000
@@ -287,7 +287,8 @@ class Graph:
 def _connect(master: Any, name: str, kind: str, uri: str) -> None:
     """Register a subscriber, and connect it to the publishers of its topic that it has no connection to."""
     _, _, publishers = master.registerSubscriber(name, kind, uri)
-    ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later
+    node: Any = ServerProxy(uri, transport=TimedTransport(ASK_WITHIN))  # it may not be reached where it says it is
+    node.publisherUpdate("/master", name, publishers)  # as the master does for those that come later
 
 
 def _is_replaced(master: Any) -> bool:

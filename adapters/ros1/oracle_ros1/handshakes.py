@@ -16,6 +16,8 @@ from rospy.impl.tcpros_base import TCPROSServer
 
 SAID_WITHIN = 10.0
 """Seconds that one may take to say its header."""
+REACHED_WITHIN = 5.0
+"""Seconds that it may take to connect to this node."""
 
 Answer = Callable[[Any, socket.socket, Any], None]
 MISCALLED: DefaultDict[str, Recent] = defaultdict(Recent)
@@ -54,19 +56,23 @@ def note_refused_callers() -> None:
     tcpros_service.service_connection_handler = handle
 
 
-def tell_unknown_address() -> None:
-    """Tell in the log where nobody can connect to this node; in a thread of its own, as a nameserver may be away."""
-    threading.Thread(target=_look_up, args=(rospy.get_node_uri(),), daemon=True).start()
+def tell_wrong_address() -> None:
+    """Tell in the log where nobody can connect to this node; in a thread of its own, as that may take long."""
+    threading.Thread(target=_connect_to, args=(rospy.get_node_uri(),), daemon=True).start()
 
 
-def _look_up(address: str) -> None:
+def _connect_to(address: str) -> None:
+    parts, why = urlsplit(address), ""
     try:
-        socket.getaddrinfo(urlsplit(address).hostname, None)
-    except (OSError, UnicodeError):
+        socket.create_connection((parts.hostname or "", parts.port or 0), REACHED_WITHIN).close()
+    except (socket.gaierror, UnicodeError):
+        why = "which is not known here"
+    except OSError as error:
+        why = f"where it does not reach itself ({error})"
+    if why:
         rospy.logerr(
-            f"other nodes are told to connect to this one at {address}, which is not known here: unless they know it, "
-            "its services and what it forwards can't be reached, and who publishes later is not heard; "
-            "set ROS_HOSTNAME or ROS_IP"
+            f"other nodes are told to connect to this one at {address}, {why}: unless they can, its services and what "
+            "it forwards can't be reached, and who publishes later is not heard; set ROS_HOSTNAME or ROS_IP"
         )
 
 

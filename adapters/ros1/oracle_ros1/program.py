@@ -22,7 +22,7 @@ from oracle_adapter.command import close, make_link, wait_attached
 
 from oracle_ros1.codec import CodecError
 from oracle_ros1.graph import dump_graph, log_without_master
-from oracle_ros1.handshakes import hear_each_by_itself, note_refused_callers, tell_unknown_address
+from oracle_ros1.handshakes import hear_each_by_itself, note_refused_callers, tell_wrong_address
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
 from oracle_ros1.nodename import no_master, taken
 from oracle_ros1.options import complete, read_options
@@ -94,7 +94,7 @@ def _do(options: argparse.Namespace, stopping: Stopping) -> int:
             sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
             return 0
         complete(options, rospy.logwarn, rospy.loginfo)
-        tell_unknown_address()
+        tell_wrong_address()
         simulated = bool(rospy.get_param("/use_sim_time", False))
         board = Board(options.monitor, Screen(options.monitor))
     return _run(options, board, stopping, simulated=simulated)

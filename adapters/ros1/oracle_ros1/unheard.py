@@ -46,7 +46,7 @@ class Unheard:
         at = f" at {address}" if address else ""
         return (
             f"{node} publishes {topic}, and nothing of it is heard: it can't be reached from here{at}, as where its "
-            "ROS_HOSTNAME or ROS_IP is wrong, or it has died"
+            "ROS_HOSTNAME or ROS_IP is wrong, or this node's own, or it has died"
         )
 
 
@@ -67,7 +67,7 @@ class Ungiven:
             self._answers = self._graph.answers
             left = [node for node in self._graph.subscribers(name) if not topic.has_connection(node)]
             self._missed = {node: self._missed.get(node, 0) + 1 for node in left}
-        why = "it asks for another type or definition, can't reach this node, or has died"
+        why = "it asks for another type or definition, or for UDP, can't reach this node, or has died"
         return "; ".join(
             f"{node} subscribes to {name}, and gets nothing of it: {why}"
             for node, count in self._missed.items()
