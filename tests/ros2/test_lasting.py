@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.processes import PATIENCE
 from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene
 
@@ -115,6 +116,29 @@ def test_where_the_middleware_tells_of_no_publishers_as_many_messages_are_kept_a
         forwarded.publish(msg.Int64(data=2))
         offer(2, ["a"])
         heard_late(peer, [1, 2])
+        forwarded.stop()
+
+
+def test_what_several_publish_as_they_come_is_kept_and_passes_once_where_they_are_not_told_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(republished, "GROWING", PATIENCE)
+    with Scene(tmp_path) as scene:
+        peer, robot = scene.peer(), scene.peer("robot")
+        early = robot.record(msg.Int64, "/map", kept(100))
+        forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/map")
+        forwarded.is_told = False
+        forwarded.match([kept(1)], ["a"])
+        for number in (1, 2, 3):
+            forwarded.publish(msg.Int64(data=number))
+
+        def passed() -> bool:
+            forwarded.look([kept(1)] * 3, ["a", "b", "c"])
+            return len(early) >= 3
+
+        robot.until(passed, "they do not pass")
+        heard_late(robot, [1, 2, 3])
+        assert [said.data for said in early] == [1, 2, 3]
         forwarded.stop()
 
 

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 
+GROWING = 0.6
+"""Seconds in which those that are to take over may be made anew for more publishers that are not told apart."""
+
+
 class MatchedPublisher:
     """Publishes what is passed on, with the quality of service of the messages' own publishers.
 
@@ -66,6 +70,8 @@ class MatchedPublisher:
 
     def look(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> str:
         """Offer what the originals do, and return what is wrong on the topic."""
+        if self._next is not self._publishers and not self.is_told:
+            self.match(originals, sources)  # more may have come than those that the next ones were made for
         if time.monotonic() - self._changed >= MATCHING:
             while self._retired:
                 self._node.destroy_publisher(self._retired.pop())
@@ -91,7 +97,7 @@ class MatchedPublisher:
             if lasts(wanted) and not self.is_told:
                 wanted.depth, count = max(count, offered.depth if lasts(offered) else 1), 1
             self._users = {one: of for one, of in self._users.items() if any(gid.startswith(one) for gid in sources)}
-            if changing and not same(wanted, offered) and (self.is_told or len(self._next) == 1):
+            if changing and not same(wanted, offered) and not self._may_begin_anew():
                 return
             if not same(wanted, offered):
                 if lasts(wanted) and (lasts(offered) or all(map(lasts, originals))):
@@ -112,6 +118,15 @@ class MatchedPublisher:
         """Hold what comes from now on."""
         if self._held is None:
             self._held, self._held_since = [], time.monotonic()
+
+    def _may_begin_anew(self) -> bool:
+        """Whether others may be made in place of those that are to take over.
+
+        Where the originals are not told apart one of these keeps a message of each: what is held is more than it keeps
+        where more of them come.
+        """
+        grows = self._held is not None and time.monotonic() - self._held_since < GROWING
+        return not self.is_told and (len(self._next) > 1 or grows)
 
     def _stays(self, source: str) -> bool:
         """Whether the publisher of a source goes on, and has not to be waited for."""
