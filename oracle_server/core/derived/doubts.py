@@ -62,6 +62,7 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield _warning(definition, path, message, None)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
+    yield from _across_streams(spec)
     yield from _less_than_one(spec)
 
 
@@ -145,6 +146,21 @@ def _across_rows(definition: Definition, spec: Spec) -> Iterator[str]:
         f"its samples are the rows of {stream.key}, one after the other, whichever these are: the next one is mostly "
         f"another row of the same message; keep it by what tells rows apart, as in `by: {other}, forget: 1h`{index}"
     )
+
+
+def _across_streams(spec: Spec) -> Iterator[SpecProblem]:
+    """What goes from one sample to the next, where these are of several streams, whichever speaks."""
+    for definition in spec.derive:
+        having = [str(stream.key) for stream in spec.streams if definition.of in (stream.signals or ())]
+        if definition.by or definition.op not in ("previous", "delta", "follows") or len(having) < 2:
+            continue
+        message = (
+            f"its samples are those of {' and '.join(having)}, one after the other, so that it goes from one stream to "
+            f"the other as each speaks; give `{definition.of}` another name at each, or keep it by a signal that tells "
+            "them apart, as in `by: robot, forget: 1h`, with `robot: \"'r1'\"` under `signals`"
+        )
+        path = "derive", definition.name, definition.op
+        yield replace(_warning(definition, path, message, None), kind="general")
 
 
 def _with_itself(definition: Definition, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
