@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import And, Atom, Exists, Forall, Formula, Implies, Not, Or, Position, atoms, walk
-from oracle_server.core.kinds import RESERVED
-from oracle_server.core.lacks import whose
+from oracle_server.core.kinds import ACTION, OWN, RESERVED
+from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.typed import StreamTypes
@@ -36,10 +36,19 @@ def _lapses(prop: Property, state: Formula, where: Sequence[Place]) -> Iterator[
             holds = "holds" if present(state, lacking[0].value) else "is false"
             yield (
                 f"formula of '{prop.id}': `{render(state)}` is taken to last, and {holds} at every event of "
-                f"{names_of(lacking)}, whatever was said last: {whose(where, lacking, keys)}",
+                f"{names_of(lacking)}, whatever was said last: {_mend(where, lacking, keys)}",
                 atom.at,
             )
             return
+
+
+def _mend(where: Sequence[Place], lacking: Sequence[Place], keys: Sequence[str]) -> str:
+    """How to make a state last that reads such signals; those that actions have of their own are never held."""
+    declared = {name for place in where if place.stream is not None for name in place.stream.signals or ()}
+    own = [key for key in keys if key in OWN[ACTION] and key not in declared]
+    if own:
+        return f"{quoted(own)} can't be held: keep what it tells by a machine under `derive`"
+    return whose(where, lacking, keys)
 
 
 def _is_of_one_message(formula: Formula, place: Place) -> bool:

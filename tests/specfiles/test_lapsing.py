@@ -65,6 +65,15 @@ def test_what_need_not_last_is_not(sentence: str) -> None:
     assert told(sentence) == []
 
 
+def test_what_cannot_be_held_is_not_to_be() -> None:
+    """An action's own signals are reserved, so that `hold` takes none of them."""
+    action = "  - {ros_action: /nav, type: a_msgs/action/Nav, goal: {signals: {}}, result: {signals: {}}}\n"
+    sentence = "requirement: 'in {status: succeeded} the robot shall within 2 seconds satisfy {ready}'"
+    text = SPEC.replace("HOLD", "[]").replace("SENTENCE", sentence).replace("define:", f"{action}define:")
+    (found,) = [each.message for each in parse_spec(text, "s.yaml").warnings if "is taken to last" in each.message]
+    assert found.endswith(": `status` can't be held: keep what it tells by a machine under `derive`")
+
+
 @pytest.mark.parametrize(("hold", "violations"), [("[]", 0), ("[mode]", 1)])
 def test_the_mend_has_the_requirement_broken(hold: str, violations: int) -> None:
     """Without it the next message of any stream ends the scope, which excuses all that was asked within."""
