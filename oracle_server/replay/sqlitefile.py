@@ -17,6 +17,9 @@ LOG = "-wal"
 """What follows a database's name in that of the file with what was committed, and is not in the database yet."""
 _NO_ROOM = frozenset({sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE})
 """What sqlite says where it can't write what it sorts."""
+_TOPICS = frozenset({"id", "name", "type"})
+_STORED = frozenset({"id", "topic_id", "timestamp", "data"})
+_DEFINITIONS = frozenset({"topic_type", "encoded_message_definition", "encoding"})
 _MESSAGES = "SELECT topic_id, timestamp, data, id FROM messages"
 
 
@@ -73,12 +76,11 @@ class SqliteFile:
         return database
 
     def _find_channels(self) -> list[Channel]:
-        columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
-        tables = {row[0] for row in self._database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if "topics" not in tables or "messages" not in tables or not {"id", "name", "type"} <= columns:
+        columns = self._columns("topics")
+        if not (columns >= _TOPICS and self._columns("messages") >= _STORED):
             raise sqlite3.DatabaseError("it has no table of topics, or none of messages")
         definitions: dict[str, tuple[str, str]] = {}
-        if "message_definitions" in tables:
+        if self._columns("message_definitions") >= _DEFINITIONS:
             query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
             definitions = {str(row[0]): (str(row[1]), str(row[2])) for row in self._database.execute(query)}
         counts = self._counts()
@@ -95,6 +97,13 @@ class SqliteFile:
         if nameless:
             self.damages.append(f"has messages of topics that it does not name: {', '.join(nameless[:5])}")
         return found
+
+    def _columns(self, table: str) -> set[str]:
+        """The columns that a table stores: no recorder has others, and what computes them may never come to an end."""
+        is_stored = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name = ?"
+        if self._database.execute(is_stored, (table,)).fetchone() is None:
+            return set()
+        return {row[1] for row in self._database.execute(f"PRAGMA table_info({table})")}
 
     def _counts(self) -> dict[int, int] | None:
         try:

@@ -83,6 +83,21 @@ def test_a_bag_without_definitions_needs_the_types(spec: Path, tmp_path: Path) -
     assert "Valve.msg" in failed("replay", spec, bag, "--types", tmp_path / "src")
 
 
+@pytest.mark.parametrize("column", ["topic_id INTEGER", "timestamp INTEGER", "data BLOB"])
+def test_a_bag_whose_messages_are_computed_is_refused(column: str, spec: Path, tmp_path: Path) -> None:
+    """What computes them may take for ever, and nothing ends it."""
+    bag = write_ros2(tmp_path / "odd", StoragePlugin.SQLITE3, ROUNDS, version=9)
+    (database,) = bag.glob("*.db3")
+    name = column.split(maxsplit=1)[0]
+    with contextlib.closing(sqlite3.connect(database)) as odd, odd:
+        odd.execute("ALTER TABLE messages RENAME TO stored")
+        others = [each for each in ("topic_id", "timestamp", "data") if each != name]
+        kept = ", ".join(("id", *others))
+        odd.execute(f"CREATE TABLE messages ({kept}, {column} GENERATED ALWAYS AS (1))")
+        odd.execute(f"INSERT INTO messages ({kept}) SELECT {kept} FROM stored")
+    assert "it has no table of topics, or none of messages" in failed("replay", spec, database)
+
+
 def test_what_is_no_bag_is_refused_in_one_line(spec: Path, tmp_path: Path) -> None:
     for name in ("broken.bag", "broken.mcap"):
         (tmp_path / name).write_bytes(b"\x89MCAP0\r\n or is it")
