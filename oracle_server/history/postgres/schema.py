@@ -87,6 +87,12 @@ SELECT set_config('search_path', relnamespace::regnamespace || ', ' || current_s
 FROM pg_class WHERE oid = to_regclass('sessions')
 """
 """New tables are made where the others are: a schema before that one may have been made later."""
+_AS_OWNER = """
+SELECT set_config('role', rolname, true) FROM pg_database JOIN pg_roles ON pg_roles.oid = datdba
+WHERE datname = current_database() AND pg_has_role(datdba, 'MEMBER')
+    AND has_schema_privilege(datdba, current_schema(), 'CREATE')
+"""
+"""Until the transaction ends, where that may be: a robot that comes first would keep all others from its tables."""
 _MISSING = "SELECT name FROM unnest(?::text[]) AS name WHERE to_regclass(name) IS NULL ORDER BY name"
 _ADDED = "forgotten"
 """The table that an older format does not have."""
@@ -125,6 +131,8 @@ def prepare(database: Connection) -> None:
         database.execute("SELECT pg_advisory_xact_lock(?)", (_LOCK,))  # two servers may begin at once
         database.execute(_THERE)
         shared = not _missing(database, ["format", "nodes", "owners"])
+        if len(_missing(database, ["format", "sessions"])) == 2:
+            database.execute(_AS_OWNER)
         found = database.execute("SELECT version FROM format").fetchone() if shared else None
         _demand_all(database, found)
         version = VERSION
