@@ -261,7 +261,8 @@ class World:
         return next((s["frontier"] for s in streams if s["stream"] == "/number"), 0)
 
 
-def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(tmp_path: Path) -> None:
+@pytest.mark.parametrize("back", [5, 0])  # 0: as where a simulated world is reset, and stands
+def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(back: int, tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
         world = World(scene)
         for number in range(3):
@@ -270,12 +271,12 @@ def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(tmp_p
         world.at(13)
         events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 6)
         assert [event["stamp"] // SECOND for event in events] == [10, 10, 11, 11, 12, 12]
-        world.back_to(5)
+        world.back_to(back)
         assert scene.server.session("s")["status"] == "closed"
-        world.say(7, 5, "s.run2")
+        world.say(7, back, "s.run2")
         world.at(6, "s.run2")
         again = eventually(lambda: scene.server.events("s.run2"), lambda found: len(found) == 2)
-        assert [event["stamp"] // SECOND for event in again] == [5, 5]
+        assert [event["stamp"] // SECOND for event in again] == [back, back]
         assert not any(event["late"] or event["skewed"] for event in events + again)
 
 

@@ -56,7 +56,8 @@ class Simulation:
         return seconds
 
 
-def test_stamps_follow_the_clock_and_a_jump_back_begins_a_new_session(tmp_path: Path) -> None:
+@pytest.mark.parametrize("back", [10, 0])  # 0: as where a simulated world is reset, and stands
+def test_stamps_follow_the_clock_and_a_jump_back_begins_a_new_session(back: int, tmp_path: Path) -> None:
     with Scene(tmp_path / "scene") as scene:
         words = ("--oracle", scene.server.url, "--spec", "battery_uav", "--session", "s", "--monitor", "uav1")
         sim = ("--ros-args", "-p", "use_sim_time:=true")
@@ -77,20 +78,20 @@ def test_stamps_follow_the_clock_and_a_jump_back_begins_a_new_session(tmp_path: 
         peer.call(srv.SetLED, "SetLED_mon", srv.SetLED.Request(id=1, status=1))
         now = world.run_until("s", scene, now, 6)
 
-        world.at(10)
+        world.at(back)
         adapter.said("session_ended")
         ended = eventually(lambda: scene.server.session("s"), lambda s: s["status"] == "closed")
         assert ended["continued_by"] == "s.run2"
         adapter.said(r"attached s\.run2")
         for number in range(1, 4):
-            world.percentage(number, 10 + number / 100)
-        world.run_until("s.run2", scene, 10, 3)
+            world.percentage(number, back + number / 100)
+        world.run_until("s.run2", scene, back, 3)
 
         second = eventually(lambda: scene.server.events("s.run2"), lambda records: len(records) == 3)
         first = scene.server.events("s")
         topics = [[r for r in records if r["kind"] == "topic"] for records in (first, second)]
         assert [r["stamp"] for r in topics[0]] == [100 * SECOND + n * 10**7 for n in range(1, 6)]
-        assert [r["stamp"] for r in topics[1]] == [10 * SECOND + n * 10**7 for n in range(1, 4)]
+        assert [r["stamp"] for r in topics[1]] == [back * SECOND + n * 10**7 for n in range(1, 4)]
         (request,) = (r for r in first if r["kind"] == "request")
         assert 100 * SECOND < request["stamp"] <= (now + 1) * SECOND, "stamped by the adapter, in the world's time"
         assert not any(r["late"] or r["skewed"] for r in first + second)

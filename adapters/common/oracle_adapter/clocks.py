@@ -105,6 +105,11 @@ class Clocks:
             ]
         return found
 
+    def gone_back(self) -> List[ClockStamp]:
+        """The clock of each stream as time has gone back, also to 0, as where a world is reset."""
+        now = self._now() or 0
+        return [(s.name, s.kind, max(0, now - (s.latency or 0))) for s in self._streams]
+
     def behind(self, name: str, kind: str) -> Callable[[], List[ClockStamp]]:
         """What to send behind each ask of a stream: the clocks of all streams stamped here.
 

@@ -116,7 +116,7 @@ class Monitor:
     def _renew(self) -> None:
         """Go on in another session, as simulated time goes back."""
         self._torn.goes_back()
-        self._link.renew(self._stamps)
+        self._link.renew(self._clocks.gone_back)
 
     def _stamps(self) -> List[ClockStamp]:
         return self._clocks.readings(self._now())

@@ -101,7 +101,7 @@ class Monitor:
     def _renew(self) -> None:
         """Go on in another session, as simulated time goes back."""
         self._torn.goes_back()
-        self._link.renew(lambda: self._clocks.readings(self._now()))
+        self._link.renew(self._clocks.gone_back)
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.

@@ -50,6 +50,12 @@ def test_before_there_is_a_time_nothing_is_said() -> None:
     assert of(0, *CALLS).behind("/a", "request")() == []
 
 
+def test_time_that_has_gone_back_is_told_of_each_stream_also_where_it_is_0() -> None:
+    assert of(1000, SCAN, *CALLS).gone_back() == [("/scan", "topic", 980), *at(1000, *CALLS)]
+    for none in (0, None):
+        assert of(none, SCAN, *CALLS).gone_back() == at(0, SCAN, *CALLS)
+
+
 def test_an_ask_is_followed_by_all_that_is_stamped_here() -> None:
     clocks = of(1000, SCAN, *CALLS)
     assert clocks.behind("/a", "request")() == at(1000, *CALLS)
