@@ -116,18 +116,19 @@ function heading(group) {
 }
 
 /** For how long a session has been failing; where its time is not this browser's, since when; else how long ago it last did. */
-function duration({ open: [worst], live, clock, latest }) {
-  if (!worst) return latest ? `${span((now() - time(latest.until)) * 1e6)} ago` : "";
+function duration({ group, open: [worst], live, clock, latest }) {
+  if (!worst) return latest && group !== "Wrong now" ? `${span((now() - time(latest.until)) * 1e6)} ago` : "";
   const until = live && clock === "wall" ? BigInt(now()) * 1_000_000n : null;
   return until ? span(lasted(worst, until)) : `since ${moment(worst.began, clock)}`;
 }
 
 /** What is wrong in a session: its gravest open episode, and how many more there are; else what keeps it from being judged, or from being judged right, or was wrong last, or how often it was wrong. */
-function wrong({ id, open: [worst, ...more], trouble, caveats, doubts, latest, violations }) {
+function wrong({ id, group, open: [worst, ...more], trouble, caveats, doubts, latest, violations }) {
   const now_ = [trouble, ...caveats].filter(Boolean);
   const all = [...now_, ...doubts];
   const doubt = all.length ? h("span", { class: "complaint", title: all.join("\n") }, all[0]) : null;
   const before = violations ? h("span", { class: "hint" }, `${counted(violations, "violation")} before`) : null;
+  if (!worst && group === "Wrong now") return [h("a", { tabindex: -1, class: "bad", href: at(id) }, "fails"), doubt]; // its episode is not among those that were asked for
   if (!worst && latest && !now_.length) return [h("a", { tabindex: -1, class: "was", href: at(id, latest.first) }, `${latest.property} for ${span(lasted(latest, null))}`), h("span", { class: "hint" }, worstOf(latest) || reasonOf(latest)), doubt];
   if (!worst) return [doubt, before];
   return [

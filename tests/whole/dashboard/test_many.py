@@ -44,3 +44,23 @@ async def test_a_course_in_time_that_is_too_large_is_asked_for_in_fewer_buckets(
             await expect(page.locator(".now .card.open")).to_contain_text("p000 fails")
             await expect(page.locator(".lane.property").first.locator(".value")).to_have_text("✗ for 900 ms")
             await expect(page.get_by_role("status")).to_have_text("connected")
+
+
+async def test_a_session_whose_episode_is_beyond_those_that_are_listed_fails_all_the_same(
+    start: Starts, page: Page
+) -> None:
+    """The list asks for a thousand open episodes: of what was beyond it said `1 violation before`."""
+    server = start(ORACLE_HISTORY="memory")
+    properties = "".join(f"  - {{id: p{i:03}, formula: 'not {{v > {i}}}'}}\n" for i in range(500))
+    spec = f"id: wide\nstreams:\n  - {{topic: /a, signals: {{v: msg.v}}}}\nproperties:\n{properties}"
+    assert server.http.put("/api/v1/specs/wide", content=spec).status_code < 300
+    for at, (name, id_, value) in enumerate([("one", "wide", 999), ("two", "wide", 999), ("last", "single", 99)]):
+        async with attached(server, session=name, spec=id_) as monitor:
+            await monitor.send(make_event(1, at=at, data={"v": value}))
+            await monitor.acked(1)
+    assert len(server.get("episodes", open=True, limit=1000)["items"]) == 1000
+    await page.goto(server.url)
+    await expect(page.locator(".sessions tr.group").first).to_have_text("Wrong now")
+    row = page.get_by_role("row", name="last")
+    await expect(row.locator("td:nth-child(2)")).to_have_text("fails")
+    await expect(page.get_by_role("row", name="one").locator("td:nth-child(2)")).to_contain_text("p000")
