@@ -25,6 +25,8 @@ from oracle_server.history.readers import reading_for
 
 _RECHECK = 0.5
 """Seconds between two looks at whether tokens were removed."""
+_NEEDED = "a token is needed: send `Authorization: Bearer TOKEN`; `oracle-server token add` makes one"
+_UNKNOWN = "the token that was sent is not known here: it is mistyped, was removed, or is of another server"
 
 log = structlog.get_logger()
 
@@ -56,9 +58,7 @@ class Access:
         visitor: Visitor | None = state.get(VISITOR)
         if needed is not None:
             if grant is None:
-                challenge = {"WWW-Authenticate": "Bearer"}
-                detail = "a token is needed: send `Authorization: Bearer TOKEN`; `oracle-server token add` makes one"
-                await refuse(scope, receive, send, 401, detail, challenge)
+                await refuse(scope, receive, send, 401, _UNKNOWN if token else _NEEDED, {"WWW-Authenticate": "Bearer"})
                 return
             if not grant.may(needed):
                 await refuse(scope, receive, send, 403, f"the token lacks the scope `{needed}`")

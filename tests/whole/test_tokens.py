@@ -80,7 +80,9 @@ async def test_without_a_good_token_nothing_is_told_or_done(guarded: Guarded) ->
     for headers in offers:
         for path in READING:
             response = server.http.get(path, headers=headers)
-            problem(response, 401)
+            sent = headers.get("Authorization", "").startswith("Bearer ")
+            told = "the token that was sent is not known here" if sent else "a token is needed"
+            assert problem(response, 401)["detail"].startswith(told)
             assert response.headers["www-authenticate"] == "Bearer"
         problem(server.http.put("/api/v1/specs/fresh", content=SPEC, headers=headers), 401)
         problem(server.http.post("/api/v1/sessions", json={"spec": "single"}, headers=headers), 401)
