@@ -28,7 +28,7 @@ def main() -> int:
             del sys.modules[name]
         else:
             sys.modules[name] = module
-    del Node.count_clients, Node.count_services
+    del Node.count_clients, Node.count_services, Subscription.get_publisher_count
     Subscription._callback_type = property(_missing, lambda *_: None)
 
     from oracle_ros2.__main__ import main as run

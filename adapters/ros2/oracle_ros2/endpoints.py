@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy
 
 from oracle_ros2.numbering import is_numbered
 from oracle_ros2.qos import DEPTH, NO_SUBSCRIPTION_EVENTS, same, to_request
+from oracle_ros2.unmatched import Unmatched, publishers_of
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -51,7 +52,9 @@ class MatchedSubscription:
         self._looked_for: set[str] = set()
         self._subscriptions: list[Any] = []
         self._came: deque[int] = deque(maxlen=DEPTH)  # when the last ones without numbers were published (ns)
-        self.unpublished = Unpublished(node.resolve_topic_name(topic))
+        name = node.resolve_topic_name(topic)
+        self.unpublished = Unpublished(name)
+        self._unheard = Unmatched(f"publishes {name}, and nothing of it is heard")
         self._publishers = self._look_around()
         self._subscribe(to_request(self.offered))
 
@@ -162,11 +165,17 @@ class MatchedSubscription:
 
     def _troubles(self) -> Iterator[str]:
         wanted = type_name(self._type)
+        fitting = []
         for info in self._publishers:
             if info.topic_type != wanted:
                 yield f"{full_name(info)} publishes it as {info.topic_type}, not as {wanted}"
             elif self._is_other(info):
                 yield f"{full_name(info)} publishes it by another definition of {wanted} than is installed here"
+            else:
+                fitting.append(full_name(info))
+        unheard = self._unheard.look(fitting, publishers_of(self._subscriptions[-1]))
+        if unheard:
+            yield unheard
         if len({profile.durability for profile in self.offered}) > 1:
             yield "its publishers differ in durability: what some have kept for late subscribers is not received"
 

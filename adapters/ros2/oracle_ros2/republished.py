@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
 from oracle_ros2.endpoints import MATCHING, definition_of, full_name
 from oracle_ros2.qos import NO_EVENTS, depth_for, lasts, misfit, same, to_offer
+from oracle_ros2.unmatched import Unmatched
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -33,6 +34,7 @@ class MatchedPublisher:
     def __init__(self, node: Node, message_type: Any, topic: str, offered: Sequence[QoSProfile] = ()) -> None:
         """Offer what `offered` would have it until `look` is given what the originals offer."""
         self._node, self._type, self._topic = node, message_type, topic
+        self._ungiven = Unmatched(f"subscribes to {node.resolve_topic_name(topic)}, and gets nothing of it")
         self.bypass = ""
         """Who else publishes the topic, as of the last look; empty where nobody does."""
         self._namesakes: list[str] = []  # as of the last look at which the publishers were not being changed
@@ -198,10 +200,16 @@ class MatchedPublisher:
         self.bypass = "; ".join(f"{other} publishes {self._topic} past the monitor" for other in past)
         if self.bypass:
             yield self.bypass
+        fitting = []
         for info in self._node.get_subscriptions_info_by_topic(self._topic):
             reasons = [misfit(one.qos_profile, info.qos_profile) or _unlike(one, info) for one in own]
             if reasons and all(reasons):
                 yield f"{full_name(info)} can't receive {self._topic}: {reasons[0]}"
+            else:
+                fitting.append(full_name(info))
+        ungiven = self._ungiven.look(fitting, self._publishers[0].get_subscription_count())
+        if ungiven:
+            yield ungiven
 
     def _has_own_name(self, info: Any) -> bool:
         mine = (self._node.get_name(), self._node.get_namespace())
