@@ -50,6 +50,12 @@ def define_otherwise(monitor: Peer, name: str) -> None:
         setattr(monitor.node, ask, told)
 
 
+def named(monitor: Peer, name: str) -> None:
+    """Until a monitor knows whose publisher it is, by which it is told of another definition here."""
+    ask = monitor.node.get_publishers_info_by_topic
+    eventually(lambda: [info.node_name for info in ask("/n")], lambda names: name in names)
+
+
 def as_told(info: Any, middleware: str) -> Any:
     """What a middleware tells of a message; Cyclone DDS has a number of its own for whose it is."""
     if middleware == "fastdds":
@@ -77,6 +83,7 @@ def test_what_is_defined_otherwise_is_told_and_not_read(
     heard = endpoints.MatchedSubscription(monitor.node, msg.Int64, "/n", take)
     observed.is_foreign = heard.is_foreign
     right, wrong = pilot.publisher(msg.Int64, "/n"), other.publisher(msg.Int64, "/n")
+    named(monitor, "other")
     wrong.publish(msg.Int64(data=13))
     monitor.until(lambda: observed.count == 1)
     right.publish(msg.Int64(data=5))
@@ -86,6 +93,22 @@ def test_what_is_defined_otherwise_is_told_and_not_read(
     eventually(heard.look, lambda trouble: trouble == text)
     other.node.destroy_publisher(wrong)
     eventually(heard.look, lambda trouble: trouble == "")
+    heard.stop()
+
+
+def test_what_is_defined_otherwise_is_not_read_as_its_node_comes_where_sources_are_not_told(scene: Scene) -> None:
+    """As of `ros2 topic pub --once` on another machine: it publishes before anybody has looked again."""
+    monitor, pilot, other = scene.peer("monitor"), scene.peer("pilot"), scene.peer("other")
+    define_otherwise(monitor, "other")
+    asked: list[bool] = []
+    heard = endpoints.MatchedSubscription(monitor.node, msg.Int64, "/n", lambda *_: asked.append(heard.is_foreign("")))
+    pilot.publisher(msg.Int64, "/n").publish(msg.Int64(data=5))
+    monitor.until(lambda: len(asked) == 1)
+    wrong = other.publisher(msg.Int64, "/n")
+    named(monitor, "other")
+    wrong.publish(msg.Int64(data=13))
+    monitor.until(lambda: len(asked) == 2)
+    assert asked == [False, True]
     heard.stop()
 
 

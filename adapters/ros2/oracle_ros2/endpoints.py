@@ -94,7 +94,8 @@ class MatchedSubscription:
 
         They may come all the same, and would be read as what they are not.
         """
-        if source not in self._looked_for:  # its publisher may have come since the last look
+        is_new = source not in self._looked_for or (not source and self._connected() != self._connected_before)
+        if is_new:  # its publisher may have come since the last look
             self._looked_for.add(source)
             self.look_around()
         return any(publisher.startswith(source) for publisher in self._foreign)
@@ -127,7 +128,12 @@ class MatchedSubscription:
                     break
                 subscription.callback(*taken)
 
+    def _connected(self) -> int | None:
+        """How many publishers it is connected to, which costs less than to look around; None where not told."""
+        return publishers_of(self._subscriptions[-1]) if self._subscriptions else None
+
     def _look_around(self) -> Sequence[Any]:
+        self._connected_before = self._connected()
         found = self._node.get_publishers_info_by_topic(self._topic)
         self.offered = [info.qos_profile for info in found if info.topic_type == type_name(self._type)]
         self._foreign = [bytes(info.endpoint_gid).hex() for info in found if self._is_other(info)]
@@ -173,7 +179,7 @@ class MatchedSubscription:
                 yield f"{full_name(info)} publishes it by another definition of {wanted} than is installed here"
             else:
                 fitting.append(full_name(info))
-        unheard = self._unheard.look(fitting, publishers_of(self._subscriptions[-1]))
+        unheard = self._unheard.look(fitting, self._connected())
         if unheard:
             yield unheard
         if len({profile.durability for profile in self.offered}) > 1:
