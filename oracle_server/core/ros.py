@@ -33,21 +33,39 @@ def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
         yield from _arrival_times(spec)
         yield from reply_hazards(spec)
     else:
+        yield from _refused_names(spec)
         yield from _denied_responses(spec)
 
 
 def odd_names(spec: Spec) -> Iterator[SpecProblem]:
-    """Names that ROS 2 refuses, and ROS 1 reads as others: warnings, whatever the version of ROS."""
+    """Names that are none on a robot's graph, or another one there: warnings, whatever the version of ROS."""
     for i, stream in enumerate(spec.streams):
-        plain = re.sub("/+", "/", stream.name.rstrip("/"))
-        if stream.leads and plain != stream.name:
-            odd = "with `//`" if "//" in stream.name else "that ends with `/`"
-            yield SpecProblem(
-                ("streams", i, stream.traits.group),
-                f"stream '{stream.name}': ROS 2 has no name {odd}, and ROS 1 reads `{plain or '/'}` for it"
-                + (f"; write `{plain}`" if plain else ""),
-                severity="warning",
-            )
+        told = _oddity(stream.name) if stream.leads else ""
+        if told:
+            path = ("streams", i, stream.traits.group)
+            yield SpecProblem(path, f"stream '{stream.name}': {told}", severity="warning")
+
+
+def _oddity(name: str) -> str:
+    """What is odd about a name, and what to write; empty for nothing."""
+    if set("~{}") & set(name):
+        return "no name on a robot's graph has `~`, `{` or `}`; write the whole name, as in `/base/cmd_vel`"
+    plain = re.sub("/+", "/", name.rstrip("/"))
+    if plain == name:
+        return ""
+    odd = "with `//`" if "//" in name else "that ends with `/`"
+    mend = f"; write `{plain}`" if plain else ""
+    return f"ROS 2 has no name {odd}, and ROS 1 reads `{plain or '/'}` for it{mend}"
+
+
+def _refused_names(spec: Spec) -> Iterator[SpecProblem]:
+    """Names that ROS 1 has, and ROS 2 refuses."""
+    for i, stream in enumerate(spec.streams):
+        odd = "in which a part begins with a digit" if re.search("(^|/)[0-9]", stream.name) else ""
+        odd = "with `__`" if "__" in stream.name else odd
+        if stream.leads and odd:
+            path = ("streams", i, stream.traits.group)
+            yield SpecProblem(path, f"stream '{stream.name}': ROS 2 has no name {odd}", severity="warning")
 
 
 def twins_left_open(spec: Spec) -> Iterator[SpecProblem]:

@@ -87,6 +87,22 @@ def test_check_for_ros_2_warns_of_a_denied_call_that_could_look_like_a_success(t
     assert line.startswith(f"{spec}:3:30: warning: /open is filtered without a `denied_response`: on ROS 2")
 
 
+def test_check_for_ros_2_warns_of_names_that_it_refuses(tmp_path: Path) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(
+        "id: named\n"
+        "streams:\n"
+        "  - {topic: /1/cmd, type: std_msgs/Header}\n"
+        "  - {service: /a__b, type: std_srvs/srv/SetBool}\n"
+        "  - {service: /_a_1/b2_, type: std_srvs/srv/SetBool}\n"
+        "properties: [{id: p, formula: 'not {data}'}]\n"
+    )
+    assert run("check", "--ros", "1", spec).stderr == ""
+    digit, underscores = run("check", "--ros", "2", spec).stderr.splitlines()
+    assert digit.startswith(f"{spec}:3:13: warning: stream '/1/cmd': ROS 2 has no name in which a part begins with a")
+    assert underscores.startswith(f"{spec}:4:15: warning: stream '/a__b': ROS 2 has no name with `__`")
+
+
 def test_check_foresees_a_deadlock_by_the_robot_s_graph(tmp_path: Path) -> None:
     waits, graph = tmp_path / "waits.yaml", tmp_path / "graph.json"
     text = SPEC.read_text()
