@@ -217,7 +217,7 @@ def configuration(module: Path, services: bool = False) -> Config:
     called = re.findall(r"service['\"]?\]?\)?\s*==\s*['\"]([\w/]+)['\"]", text)
     names = list(dict.fromkeys(n.strip("/") for n in topics)) or ["chatter"]
     items = [{"name": f"{'/' if f'/{n}' in text else ''}{n}", "action": "log"} for n in (*names, "elsewhere")]
-    monitor: dict[str, Any] = {"id": "monitor", "topics": items}
+    monitor: dict[str, Any] = {"id": "monitor", "oracle": {"url": "127.0.0.1", "port": 8080}, "topics": items}
     wanted = dict.fromkeys(n.strip("/") for n in called) or (["called"] if services else [])
     monitor["services"] = [{"name": n, "action": "log"} for n in wanted]
     return read_config({"monitors": [{"monitor": monitor}]}, "made")

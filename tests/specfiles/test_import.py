@@ -45,6 +45,7 @@ ros_version: ros2
 monitors:
   - monitor:
       id: rewrite
+      oracle: {port: 8080, url: 127.0.0.1, action: nothing}
       status: {enabled: true}
       colour: red
       topics:

@@ -28,7 +28,7 @@ def one(keys: str) -> str:
         ("{url: 'ws://127.0.0.1', port: 8080}", "ws://127.0.0.1:8080", "2000ms"),
         ("{url: 'wss://judge:9000/rml', port: 8080}", "wss://judge:9000/rml", "2000ms"),
         ("{url: '[::1]', port: '81', timeout: }", "ws://[::1]:81", "2000ms"),
-        ("", "ws://127.0.0.1:8080", "2000ms"),
+        ("{}", "ws://127.0.0.1:8080", "2000ms"),
     ],
 )
 def test_the_address_of_an_oracle_keeps_what_it_says(oracle: str, url: str, timeout: str) -> None:
@@ -53,6 +53,7 @@ defaults: &defaults {type: std_msgs/String, action: log}
 monitors:
   - monitor:
       id: m
+      oracle: {port: 8080, url: 127.0.0.1, action: nothing}
       topics:
         - {name: a, type: std_msgs.msg.String, action: log, publishers: [x]}
         - {name: /a, <<: *defaults, action: filter, subscribers: [x], ordering: {max_delay_ms: 70}}
@@ -60,6 +61,7 @@ monitors:
         - {name: dock, event_kind: [feedback]}
   - monitor:
       id: n
+      oracle: {port: 8081, url: 127.0.0.1, action: nothing}
       topics:
         - {name: a, warning: 2, type: std_msgs/msg/String, action: filter, publishers: [x]}
         - {name: b, type: std_msgs/String, ordering: {order_by: stamp, max_delay_ms: 0.5}}

@@ -63,7 +63,7 @@ def compared(folder: Path, name: str, shape: dict[str, Any], *, seed: int, trace
     module = folder / f"{name}.py"
     module.write_text(SHAPES["start"] + shape["module"] + shape.get("end", SHAPES["end"]))
     types = shape.get("types", {})
-    monitor = {"id": "monitor"} | {
+    monitor = {"id": "monitor", "oracle": {"port": 8080}} | {
         key: [
             {"name": n, "action": "log", "type": types.get(n, "")}
             for n in shape.get(key, ["chatter"] if key == "topics" else [])

@@ -72,14 +72,29 @@ class Interface:
 
 
 @dataclass(slots=True)
+class Oracle:
+    """The oracle of a monitor: its address, how long a reply is waited for (s), what it is told and what it filters."""
+
+    monitor: str
+    url: str
+    timeout: float
+    told: list[Interface] = field(default_factory=list)
+    filters: list[Interface] = field(default_factory=list)
+
+
+@dataclass(slots=True)
 class Config:
-    """All monitors of a file; `url` is the address of the first one's oracle, `timeout` that of its replies (s)."""
+    """All monitors of a file, and the oracles of those that have one: the others only log."""
 
     name: str
     interfaces: list[Interface] = field(default_factory=list)
-    url: str = "ws://127.0.0.1:8080"
-    timeout: float = 2.0
+    oracles: list[Oracle] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
+
+    @property
+    def timeout(self) -> float:
+        """The longest that a reply of an oracle is waited for (s)."""
+        return max((oracle.timeout for oracle in self.oracles), default=2.0)
 
     @property
     def reordered(self) -> bool:
@@ -137,20 +152,18 @@ def read_config(value: object, file: str) -> Config:
             raise ConfigError(f"{file}: monitors[{number}] is not a mapping")
         name = str(monitor.get("id") or f"monitor_{number}")
         config.name = name if number == 0 else config.name
-        _add_monitor(config, monitor, name, file, first=number == 0)
+        _add_monitor(config, monitor, name, file)
     if not config.interfaces:
         raise ConfigError(f"{file}: has no topics, services or actions")
     return config
 
 
-def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: str, *, first: bool) -> None:
-    oracle, place = monitor.get("oracle") or {}, f"{file}: the oracle of monitor '{name}'"
+def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: str) -> None:
+    given, place = monitor.get("oracle"), f"{file}: the oracle of monitor '{name}'"
+    oracle = {} if given is None else given
     if not isinstance(oracle, Mapping):
         raise ConfigError(f"{place} is no mapping; write `oracle: {{url: 127.0.0.1, port: 8080}}`")
-    if first:
-        config.url, config.timeout = _address(oracle, place), _timeout(oracle, place)
-    elif oracle:
-        config.lost.append(f"the oracle of monitor '{name}': one spec has one oracle here; import it by itself")
+    judge = Oracle(name, _address(oracle, place), _timeout(oracle, place))
     reasons = {
         "log": "the server keeps the history, and `oracle-server record` writes it to a file",
         "silent": "the server has a log of its own",
@@ -168,12 +181,17 @@ def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: st
         for interface in listed:
             interface.reordered = interface.reordered or interface.name in ordered
             known = next((i for i in config.interfaces if (i.name, i.kind) == (interface.name, kind)), None)
+            if interface.filtered:
+                judge.filters.append(known or interface)
             if known is None:
                 config.interfaces.append(interface)
             else:
                 _merge(known, interface, name, file)
+            judge.told.append(known or interface)
         unknown = sorted(ordered - {interface.name for interface in listed})
         config.lost += [f"`ordered_{kind}s` of monitor '{name}': {n} is none of its {kind}s" for n in unknown]
+    if given is not None and judge.told:
+        config.oracles.append(judge)
 
 
 def _address(oracle: Mapping[str, Any], place: str) -> str:

@@ -27,6 +27,8 @@ class Draft:
 
     properties: list[tuple[PropertyModule, Translation | None]] = field(default_factory=list)
     signals: dict[str, Signal] = field(default_factory=dict)
+    oracles: bool = True
+    """Whether any monitor has an oracle, which judges where no module does."""
 
     @property
     def unread(self) -> list[str]:
@@ -41,13 +43,17 @@ class Draft:
 
     @property
     def unjudged(self) -> list[str]:
-        """The properties whose formula could not be read."""
+        """The properties whose formula could not be read, or that nobody has judged."""
+        if not self.properties and not self.oracles:
+            return [TODO]
         return [module.name for module, found in self.properties if found is not None and found.formula is None]
 
     @property
     def judges(self) -> bool:
         """Whether any property can say anything before what is left is written; of none its oracle still judges."""
-        return not self.properties or any(found is None or self._says(found) for _, found in self.properties)
+        if not self.properties:
+            return self.oracles
+        return any(found is None or self._says(found) for _, found in self.properties)
 
     def _says(self, found: Translation) -> bool:
         if found.formula is None:
@@ -77,12 +83,13 @@ def _message(type_: str, kind: str, types: Types | None) -> TypedMessage | None:
 def make_draft(config: Config, modules: Sequence[PropertyModule], types: Types | None = None) -> Draft:
     """Translate the modules for all streams of a configuration, by the types of their messages where known."""
     streams = [stream for interface in config.interfaces for stream in streams_of(interface, types)]
-    draft = Draft()
+    draft = Draft(oracles=bool(config.oracles))
     for module in modules:
         try:
             found = translate(module, streams)
         except FutureError:
-            draft.properties.append((module, None))
+            reason = "its formula is about what comes, and no monitor has an `oracle` that judges it"
+            draft.properties.append((module, None if config.oracles else Translation(module, reason=reason)))
             continue
         draft.properties.append((module, found))
         names = {name: _free(name, module, signal, draft) for name, signal in found.signals.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from oracle_server.core.errors import one_line
@@ -14,7 +14,7 @@ from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.rosmonitoring.actions import action_lines, action_of, lost_of
 from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.cel import TODO as UNWRITTEN
-from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, load_config
+from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, Oracle, load_config
 from oracle_server.specfiles.rosmonitoring.draft import TODO, Draft, make_draft, streams_of
 from oracle_server.specfiles.rosmonitoring.module import read_module
 from oracle_server.specfiles.rosmonitoring.streams import Stream
@@ -46,8 +46,8 @@ def spec_text(config: Config, draft: Draft, source: str) -> str:
     actions = _actions(config)
     lost = [*config.lost, *(text for parts in actions.values() for text in lost_of(parts, draft))]
     lines += [f"# no counterpart: {one_line(text)}" for text in lost]
-    lines += [f"id: {re.sub(r'[^A-Za-z0-9_.-]', '_', config.name)[:64]}", *_ordering(config), "streams:"]
-    external = not draft.properties or any(found is None for _, found in draft.properties)
+    lines += [f"id: {_id(config.name)}", *_ordering(config), "streams:"]
+    external = draft.oracles and (not draft.properties or any(found is None for _, found in draft.properties))
     wait = _milliseconds(config.timeout) if external else 0
     for interface in config.interfaces:
         parts = actions.get(action_of(interface))
@@ -154,16 +154,19 @@ def _signal(name: str, stream: Stream, draft: Draft, indent: str) -> list[str]:
 
 
 def _properties(config: Config, draft: Draft) -> list[str]:
+    if not draft.properties and not config.oracles:
+        why = "  # TODO: no monitor has an `oracle`, so that nothing was judged: write here what must hold."
+        return [why, f"  - id: {TODO}", f'    formula: "{{{TODO}}}"', *_filtered(config)]
     if not draft.properties:
         lines = ["  # No property module was given (--properties), so that the external oracle still judges."]
-        return lines + _oracle(config, "oracle")
+        return lines + _oracles(config, "oracle")
     lines = []
     for module, found in draft.properties:
         if found is None:
             lines += [
                 "  # Its formula is about what comes, so that its oracle still judges. It was:",
                 f"  # {one_line(module.formula)}",
-                *_oracle(config, module.name),
+                *_oracles(config, module.name),
             ]
             continue
         lines.append(f"  - id: {module.name}")
@@ -171,26 +174,50 @@ def _properties(config: Config, draft: Draft) -> list[str]:
         if found.text is None:
             lines.append(f"    # TODO: {reason_line(found)}")
         lines.append(f"    formula: {json.dumps(found.text or '{' + TODO + '}', ensure_ascii=False)}")
-        lines += _guards(config)
+        lines += _filtered(config)
         if lines[-1].startswith("    guards:"):
             lines.append("    blame: any   # as in ROSMonitoring; `caused` denies only what withholding mends")
     return lines
 
 
-def _oracle(config: Config, name: str) -> list[str]:
+def _oracles(config: Config, name: str) -> list[str]:
+    """The oracles that judge: one by `name`, of several each by its monitor's, too."""
+    if len(config.oracles) == 1:
+        return _oracle(config, config.oracles[0], name)
+    return [line for one in config.oracles for line in _oracle(config, one, _id(f"{name}_{one.monitor}"))]
+
+
+def _oracle(config: Config, oracle: Oracle, name: str) -> list[str]:
+    """The property that an oracle judges: it is told of the interfaces of its own monitor alone."""
     lines = [
         f"  - id: {name}",
         "    engine: external",
-        f"    url: {config.url}",
-        f"    timeout: {_milliseconds(config.timeout)}ms",
+        f"    url: {oracle.url}",
+        f"    timeout: {_milliseconds(oracle.timeout)}ms",
     ]
-    lines += ["    names: bare   # as it received them before"] if all(i.bare for i in config.interfaces) else []
-    return lines + _guards(config)
+    told = _names(oracle.told)
+    lines += [f"    streams: [{', '.join(told)}]"] if told != _names(config.interfaces) else []
+    lines += ["    names: bare   # as it received them before"] if all(i.bare for i in oracle.told) else []
+    return lines + _guards(oracle.filters)
 
 
-def _guards(config: Config) -> list[str]:
-    names = list(dict.fromkeys(action_of(i) or i.name for i in config.interfaces if i.filtered))
+def _filtered(config: Config) -> list[str]:
+    """The guards of all that any monitor filters."""
+    return _guards(interface for interface in config.interfaces if interface.filtered)
+
+
+def _guards(filtered: Iterable[Interface]) -> list[str]:
+    names = _names(filtered)
     return [f"    guards: [{', '.join(names)}]"] if names else []
+
+
+def _names(interfaces: Iterable[Interface]) -> list[str]:
+    """The names of some interfaces, each once."""
+    return list(dict.fromkeys(action_of(interface) or interface.name for interface in interfaces))
+
+
+def _id(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_.-]", "_", name)[:64]
 
 
 def _remarks(found: Translation) -> list[str]:
