@@ -57,6 +57,18 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return Built(folder, sdist, wheel, folder / "home")
 
 
+@pytest.fixture(scope="module")
+def oldest(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Built:
+    """The wheel with the oldest of each package that it says to work with, beside the newest of what those need."""
+    folder = tmp_path_factory.mktemp("oldest")
+    uv("venv", "--quiet", "--python", sys.executable, folder / "venv")
+    python = folder / "venv" / "bin" / "python"
+    # by its folder: what a wheel needs is not direct for uv, which takes the newest of it
+    uv("pip", "install", "--quiet", "--resolution", "lowest-direct", "--python", python, ROOT)
+    (folder / "home").mkdir()
+    return Built(folder, built.sdist, built.wheel, folder / "home")
+
+
 def uv(*words: str | Path) -> None:
     """It builds and installs as pip does, in a fraction of the time."""
     assert UV is not None
@@ -98,7 +110,9 @@ def test_the_wheel_has_the_dashboard_and_every_example(built: Built) -> None:
     }
 
 
-def test_what_init_prints_works_from_an_empty_home(built: Built) -> None:
+@pytest.mark.parametrize("packages", ["built", "oldest"])
+def test_what_init_prints_works_from_an_empty_home(packages: str, request: pytest.FixtureRequest) -> None:
+    built: Built = request.getfixturevalue(packages)
     begun = built.run("oracle-server", "init", "myrobot")
     assert (begun.returncode, begun.stderr) == (0, "")
     folder = built.home / "myrobot"
@@ -116,6 +130,7 @@ def test_what_init_prints_works_from_an_empty_home(built: Built) -> None:
             assert "<title>" in http.get("/").raise_for_status().text
             http.get("/dashboard/main.js").raise_for_status()
             assert [spec["id"] for spec in http.get("/api/v1/specs").json()["items"]] == ["myrobot"]
+            http.get("/api/v1/episodes").raise_for_status()
         assert server.end() == 0
     finally:
         server.remove()
