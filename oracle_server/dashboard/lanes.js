@@ -16,7 +16,7 @@ export function rowsOf(answer, { state, thresholds, found, now, awaited = [] }, 
   return [
     ...properties(answer, state, found, now, time, window),
     ...streams(answer, time, window, awaited),
-    ...signals(answer, thresholds, time),
+    ...signals(answer, thresholds, time, window),
     ...decisions(answer, time, window),
   ].map((row) => ({ key: `${row.group} ${row.name}`, ...row }));
 }
@@ -111,14 +111,14 @@ function rate(total, seconds) {
   return `${hertz < 10 ? hertz.toFixed(1) : Math.round(hertz)} Hz`;
 }
 
-function signals(answer, thresholds, time) {
+function signals(answer, thresholds, time, window) {
   const failing = new Set(Object.entries(answer.lanes).filter(([, codes]) => /f/i.test(codes)).map(([name]) => name));
   return Object.entries(answer.signals).filter(([, { count }]) => count.some(Boolean)).map(([key, found]) => {
     const bounds = thresholds.filter((each) => each.signal === key);
     const [min, max, mean] = [found.min, found.max, found.mean].map((values) => values.map(plotted));
     const [stream, name] = [key.slice(0, key.lastIndexOf(":")), key.slice(key.lastIndexOf(":") + 1)];
     return {
-      group: "signal", key: `signal ${key}`, name, tall: true, value: last(mean),
+      group: "signal", key: `signal ${key}`, name, tall: true, value: newest(inView(min, time, window), inView(max, time, window)),
       title: [`${name} of ${stream}`, ...bounds.map(({ property, op, value }) => `${property}: ${op} ${value}`)].join("; "),
       paint: (canvas, window) => paintSignal(canvas, window, { ...time, min, max, mean }, bounds, failing),
     };
@@ -130,10 +130,17 @@ function plotted(value) {
   return value === null ? null : Number(value);
 }
 
-function last(values) {
-  const found = values.findLast((value) => value !== null);
-  const rounded = Number((found ?? 0).toPrecision(4));
-  return found === undefined ? "" : Math.abs(rounded) < LARGE ? String(rounded) : rounded.toExponential(); // cut off it would be another number
+/** The newest numbers in view: all that came in as much time as is drawn as one point, from the least to the greatest. */
+function newest(min, max) {
+  const at = max.findLastIndex((value) => value !== null);
+  if (at < 0) return "";
+  const [least, greatest] = [inFigures(min[at]), inFigures(max[at])];
+  return least === greatest ? greatest : `${least} to\n${greatest}`;
+}
+
+function inFigures(value) {
+  const rounded = Number(value.toPrecision(4));
+  return Math.abs(rounded) < LARGE ? String(rounded) : rounded.toExponential(); // cut off it would be another number
 }
 
 function decisions({ asked, denied, hold }, time, window) {

@@ -37,3 +37,14 @@ async def test_a_number_of_many_digits_is_not_cut_off(server: Server, session: s
         await monitor.acked(1)
         await page.goto(f"{server.url}/#/sessions/{session}")
         await expect(page.locator(".lane.signal .value")).to_have_text("1.153e+18")
+
+
+async def test_of_numbers_that_are_drawn_as_one_point_the_least_and_the_greatest_are_told(
+    server: Server, session: str, page: Page
+) -> None:
+    """Their mean was: of a battery that had just come to 3 it said 1.5."""
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_events(*(make_event(i, at=1000, data={"v": v}) for i, v in enumerate((1, 0.5, 3), 1))))
+        await monitor.acked(3)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".lane.signal .value")).to_have_text("0.5 to 3")
