@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
 from pydantic import BaseModel, Field
 
-from oracle_server.api.known import demand_session
+from oracle_server.api.known import demand_properties, demand_session, unknown_verdict
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer
 from oracle_server.core.events import Order, Released
@@ -102,10 +102,11 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         Of a session that is judged in two orders, those of the order of the verdict that is named.
         """
         known = await demand_session(request, registry, session_id)
+        demand_properties(known, [question.property] if question.property is not None else [])
         try:
             found = await unless_left(request, sequence(history, known, question))
         except NowhereError as error:
-            raise HTTPException(404, str(error)) from None
+            await unknown_verdict(history, known, error.n)
         return await json_answer(request, history, found)
 
     return routes

@@ -38,7 +38,7 @@ export function diagramView(id) {
       if (number === mine) fill(found, place.n);
     } catch (problem) {
       if (number !== mine) return;
-      if (!(problem instanceof Problem) || problem.status !== 404) shown = null; // asked again with the next refresh
+      if (!(problem instanceof Problem) || ![404, 410].includes(problem.status)) shown = null; // asked again with the next refresh
       fill(null);
     }
   }

@@ -30,7 +30,11 @@ _GRAVEST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outcome.CUR
 
 
 class NowhereError(OracleError):
-    """There is no such place in a session."""
+    """There is no such place in a session; `n` is the verdict that its history does not have."""
+
+    def __init__(self, opened: SessionRecord, n: int) -> None:
+        super().__init__(f"session '{opened.id}' has no verdict {n} in its history")
+        self.n = n
 
 
 class ViolatedRecord(TypedDict):
@@ -102,9 +106,9 @@ class Wanted:
 async def sequence(history: Reading, opened: SessionRecord, wanted: Wanted) -> SequenceRecord:
     """The events that are wanted, in the order in which they were judged.
 
-    Raises `NowhereError` where there is no such verdict or property.
+    The property is one of the session's. Raises `NowhereError` where there is no such verdict.
     """
-    index = _index(opened, wanted.property)
+    index = None if wanted.property is None else opened.properties.index(wanted.property)
     ready = await history.in_thread(partial(plan_of, opened))
     first, last = await history.extent(opened.number)
     center, order = await _center(history, opened, wanted, range(first, last + 1))
@@ -133,14 +137,6 @@ async def sequence(history: Reading, opened: SessionRecord, wanted: Wanted) -> S
     }
 
 
-def _index(opened: SessionRecord, name: str | None) -> int | None:
-    if name is None:
-        return None
-    if name not in opened.properties:
-        raise NowhereError(f"session '{opened.id}' has no property '{name}'")
-    return opened.properties.index(name)
-
-
 async def _center(history: Reading, opened: SessionRecord, wanted: Wanted, kept: range) -> tuple[int, Order]:
     """The position that is asked for, and the order in which events are told there."""
     if wanted.at is not None:
@@ -151,7 +147,7 @@ async def _center(history: Reading, opened: SessionRecord, wanted: Wanted, kept:
     position = (n - 1) // len(opened.properties) + 1
     step = await history.step(opened.number, position)
     if step is None:
-        raise NowhereError(f"session '{opened.id}' has no verdict {n} in its history")
+        raise NowhereError(opened, n)
     return position, step.order
 
 

@@ -98,11 +98,12 @@ async def test_what_a_robot_deleted_before_it_forwarded_is_told_at_its_place(
     assert parsed(answer.text) == [*deleted, *told, {"closed": {}}]
 
 
-@pytest.mark.parametrize("what", ["explanation", "parts"])
+@pytest.mark.parametrize(
+    "what", ["verdicts/{}/explanation", "verdicts/{}/parts", "sequence?n={}", "sequence?before={}"]
+)
 async def test_a_verdict_that_is_not_kept_any_more_is_not_one_that_comes_yet(what: str, filled: Asked) -> None:
-    gone, kept, early = [
-        await filled.http.get(f"/api/v1/sessions/s/verdicts/{n}/{what}") for n in (KEPT_FROM - 1, COUNT, COUNT + 1)
-    ]
+    numbers = KEPT_FROM - 1, COUNT, COUNT + 1
+    gone, kept, early = [await filled.http.get(f"/api/v1/sessions/s/{what.format(n)}") for n in numbers]
     assert (gone.status_code, gone.json()["detail"]) == (410, "verdict 10 of session 's' is not kept any more")
     assert kept.status_code != 410
     assert (early.status_code, early.json()["detail"]) == (404, "session 's' has no verdict 21 in its history yet")

@@ -83,7 +83,7 @@ async def test_they_are_paged_along_time_and_narrowed_to_a_property(server: Serv
 async def test_places_that_are_not_there_are_refused(server: Server, told: str) -> None:
     address = f"/api/v1/sessions/{told}/sequence"
     assert "no verdict 1000" in problem(server.http.get(address, params={"n": 1000}), 404)["detail"]
-    assert "no property 'x'" in problem(server.http.get(address, params={"property": "x"}), 404)["detail"]
+    assert "no property `x`" in problem(server.http.get(address, params={"property": "x"}), 422)["detail"]
     assert "give one of" in problem(server.http.get(address, params={"n": 1, "at": 1}), 422)["detail"]
     problem(server.http.get(address, params={"limit": 201}), 422)
 
