@@ -40,6 +40,24 @@ def test_a_signal_that_comes_while_garbage_is_collected_is_not_lost(number: str,
     assert "Exception ignored" not in ended.stderr
 
 
+@pytest.mark.parametrize(("number", "status"), [("SIGTERM", 143), ("SIGINT", -2)])
+def test_one_that_comes_again_before_python_has_dropped_it_is_not_lost(number: str, status: int) -> None:
+    """As on a machine with much to do, on which it was told again that soon; a second one is dropped likewise."""
+    busy = f"""\
+import signal, threading
+begin = threading.Thread.start
+
+def start(thread):
+    begin(thread)
+    signal.raise_signal(signal.{number})
+
+threading.Thread.start = start
+"""
+    ended = run(busy + WHILE_COLLECTING.replace("NUMBER", number))
+    assert (ended.returncode, ended.stdout) == (status, "")
+    assert "Exception ignored" not in ended.stderr
+
+
 def test_what_else_python_drops_is_told_as_ever() -> None:
     program = WHILE_COLLECTING.replace("signal.raise_signal(signal.NUMBER)", "raise ValueError('a defect')")
     program = program.replace("threading.Event().wait()", "pass")
