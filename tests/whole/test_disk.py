@@ -14,7 +14,7 @@ import httpx
 import pytest
 from oracle_adapter import Link, LinkError
 
-from tests.whole.client import attached, connected, make_attach, make_clock, make_event, monitors, seqs
+from tests.whole.client import attached, connected, make_attach, make_clock, make_event, make_events, monitors, seqs
 from tests.whole.conftest import Starts
 from tests.whole.harness import PATIENCE, Server, failed, problem, run
 
@@ -47,16 +47,35 @@ async def test_nothing_is_acked_or_lost_while_the_history_can_not_be_written(sta
 
 
 async def test_a_download_that_can_not_go_on_is_cut_off_and_told_in_a_line_of_the_log(start: Starts) -> None:
+    server, last = start(), 1_500
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_events(*(make_event(i, at=i, data={"v": 1}) for i in range(1, last + 1))))
+        await monitor.acked(last)
+    with contextlib.closing(sqlite3.connect(server.data / "history.sqlite", isolation_level=None)) as database:
+        database.execute("ALTER TABLE steps RENAME TO away")
+        names = [row[1] for row in database.execute("PRAGMA table_info(away)")]
+        fails = f"CASE position WHEN {last} THEN abs(-{2**63}) ELSE outcomes END AS outcomes"  # on the second page
+        taken = ", ".join(fails if name == "outcomes" else name for name in names)
+        database.execute(f"CREATE VIEW steps AS SELECT {taken} FROM away")
+        with pytest.raises(httpx.RemoteProtocolError, match="without sending complete message body"):
+            server.http.get("/api/v1/sessions/s/trace")
+        server.said(r"an answer was cut off: the history can't be read: .*integer overflow")
+        database.execute("DROP VIEW steps")
+        database.execute("ALTER TABLE away RENAME TO steps")
+    server.check_log()
+    assert len(server.http.get("/api/v1/sessions/s/trace").text.splitlines()) == last
+
+
+async def test_a_download_that_can_not_begin_is_refused(start: Starts) -> None:
     server = start()
     async with attached(server, session="s", spec="single") as monitor:
         await monitor.send(make_event(1, data={"v": 1}))
         await monitor.acked(1)
     with contextlib.closing(sqlite3.connect(server.data / "history.sqlite", isolation_level=None)) as database:
         database.execute("ALTER TABLE steps RENAME TO away")
-        with pytest.raises(httpx.RemoteProtocolError, match="without sending complete message body"):
-            server.http.get("/api/v1/sessions/s/trace")
-        server.said(r"an answer was cut off: the history can't be read: .*no such table")
+        told = problem(server.http.get("/api/v1/sessions/s/trace"), 503)
         database.execute("ALTER TABLE away RENAME TO steps")
+    assert "no such table" in told["detail"]
     server.check_log()
     assert len(server.http.get("/api/v1/sessions/s/trace").text.splitlines()) == 1
 
