@@ -38,11 +38,12 @@ def ended(scene: Scene, adapter: Process, how: str) -> None:
     if how == "rosnode kill":
         scene.run("killer", "rosnode", "kill", "/uav1").wait()
         adapter.wait()
-    adapter.ends_well(signal.SIGINT if how == "SIGINT" else signal.SIGTERM)
+    adapter.ends_well(signal.SIGTERM if how == "rosnode kill" else signal.Signals[how])
 
 
 @pytest.mark.parametrize(
-    ("how", "policy"), [("SIGINT", "deny"), ("SIGTERM", "deny"), ("SIGTERM", "pass"), ("rosnode kill", "deny")]
+    ("how", "policy"),
+    [("SIGINT", "deny"), ("SIGTERM", "deny"), ("SIGHUP", "deny"), ("SIGTERM", "pass"), ("rosnode kill", "deny")],
 )
 def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(
     how: str, policy: str, tmp_path: Path

@@ -63,3 +63,17 @@ def test_a_signal_that_comes_as_ros_is_imported_ends_it_well(number: signal.Sign
     settings = environment(ROS_LOG_DIR=str(tmp_path), ROS_MASTER_URI="http://127.0.0.1:1")
     ended = subprocess.run(command, env=settings, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_a_terminal_that_is_closed_ends_it_unless_that_is_ignored() -> None:
+    program = """
+import signal
+from oracle_ros1.stopping import Stopping
+for does in (signal.SIG_IGN, signal.SIG_DFL):
+    signal.signal(signal.SIGHUP, does)
+    stopping = Stopping()
+    signal.raise_signal(signal.SIGHUP)
+    print(stopping.is_set())
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (ended.stdout.split(), ended.stderr) == (["False", "True"], "")

@@ -37,7 +37,8 @@ def asked(scene: Scene, peer: Peer) -> list[Any]:
 
 
 @pytest.mark.parametrize(
-    ("number", "policy"), [(signal.SIGINT, "deny"), (signal.SIGTERM, "deny"), (signal.SIGTERM, "pass")]
+    ("number", "policy"),
+    [(signal.SIGINT, "deny"), (signal.SIGTERM, "deny"), (signal.SIGHUP, "deny"), (signal.SIGTERM, "pass")],
 )
 def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(
     number: signal.Signals, policy: str, tmp_path: Path

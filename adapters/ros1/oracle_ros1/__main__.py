@@ -9,7 +9,10 @@ from oracle_ros1.stopping import Stopping
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start, is refused, or is replaced."""
+    """Run until SIGINT, SIGTERM or SIGHUP.
+
+    0 after a clean stop, 2 where it can't start, is refused, or is replaced.
+    """
     stopping = Stopping()
     try:
         from oracle_ros1.program import run  # takes a second, in which a signal may come

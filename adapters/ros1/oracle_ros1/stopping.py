@@ -13,11 +13,12 @@ class Stopping(threading.Event):
     """Set once the adapter is to end."""
 
     def __init__(self) -> None:
-        """Be set by SIGINT and SIGTERM, from now on; to be made in the main thread."""
+        """Be set by SIGINT, SIGTERM and SIGHUP, from now on; to be made in the main thread."""
         super().__init__()
         self._asking = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: self._asked())
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as by `nohup`
+                signal.signal(number, lambda *_: self._asked())
 
     @contextmanager
     def asking_master(self) -> Iterator[None]:

@@ -9,10 +9,14 @@ from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
+    """Run until SIGINT, SIGTERM or SIGHUP.
+
+    0 after a clean stop, 2 where it can't start or the server refused it.
+    """
     stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as by `nohup`
+            signal.signal(number, lambda *_: stopping.set())
     try:
         from oracle_ros2.program import run  # takes half a second, in which a signal may come
     except ImportError as error:
