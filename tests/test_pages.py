@@ -145,9 +145,8 @@ def test_a_page_shows_what_happens(name: str, tmp_path: Path) -> None:
 def test_the_page_on_postgresql_shows_what_happens(tmp_path: Path) -> None:
     with ExitStack() as stack:
         postgres = stack.enter_context(Postgres())
-        place = f"host={postgres.folder}&port={postgres.port}"
-        urls = {
-            f"postgresql://{role}@db.example.org/oracle": f"postgresql://{role}@/oracle?{place}"
+        urls = {  # without the port, which is in the environment: to the shell, its `&` ended the command
+            f"postgresql://{role}@db.example.org/oracle": f"postgresql://{role}@/oracle?host={postgres.folder}"
             for role in ("oracle", "robot7")
         }
         folder = programs()
