@@ -14,6 +14,7 @@ import yaml
 import zstandard
 
 from oracle_server.core.errors import TraceError
+from oracle_server.core.units import counted
 from oracle_server.replay.blocks import ZSTD
 from oracle_server.replay.mcap import is_trace
 from oracle_server.replay.mcapfile import MAGIC as MCAP
@@ -65,8 +66,28 @@ def files_of(path: Path) -> Files:
         if not found:
             raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
         # a recorder that compresses files and was killed may leave one beside what it was compressing it to
-        return _undescribed([file for file in found if _plain(file) == file or _plain(file) not in found])
+        files = _undescribed([file for file in found if _plain(file) == file or _plain(file) not in found])
+        files.notes += _further(path)
+        return files
     return _listed(path, _information(metadata))
+
+
+def _further(folder: Path) -> list[str]:
+    """What is said of recordings in the folders of one without metadata, which are not judged with its own files."""
+    names = [path.name for path in sorted(folder.iterdir()) if path.is_dir() and _has_recording(path)]
+    if not names:
+        return []
+    named = f"{', '.join(names[:_NAMED])}{', …' if len(names) > _NAMED else ''}"
+    what = f"has recordings in {counted(len(names), 'folder')}, which are not judged with its files"
+    return [f"{what}; with --on each is one of its own: {named}"]
+
+
+def _has_recording(folder: Path) -> bool:
+    """Whether a folder is a bag, or has files of bags."""
+    try:
+        return any(p.name == METADATA or (p.is_file() and begins_as(p) is not None) for p in folder.iterdir())
+    except OSError:  # it can't be read
+        return False
 
 
 def _undescribed(found: list[Path]) -> Files:

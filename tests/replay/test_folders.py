@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import resource
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -345,6 +346,24 @@ def test_bags_of_ros_1_have_no_metadata(count: int, tmp_path: Path) -> None:
     assert found.said == ("" if count == 1 else (
         "has 2 bags of ROS 1, which are judged as one that was split; with --on each is one of its own"
     ))  # fmt: skip
+
+
+def test_recordings_in_folders_of_the_folder_are_said_not_to_be_judged(bag: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "bags"
+    (folder / "notes").mkdir(parents=True)
+    (folder / "notes" / "day.txt").write_text("all went well")
+    write_ros1(folder / "pump.bag", 30)
+    spec = write_spec(tmp_path, PUMP)
+    assert judge(spec, folder).said == ""
+    shutil.copytree(bag, folder / "another")
+    (folder / "more").mkdir()
+    shutil.copy(folder / "pump.bag", folder / "more")
+    found = judge(spec, folder)
+    assert found.summary["events"] == 31
+    assert found.said == (
+        "has recordings in 2 folders, which are not judged with its files; with --on each is one of its own: "
+        "another, more"
+    )
 
 
 @pytest.mark.parametrize("suffix", [".zstd", ".zst"])
