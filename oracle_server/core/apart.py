@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from oracle_server.core.events import StreamKey
@@ -13,6 +13,8 @@ from oracle_server.core.withholding import present
 
 Monitors = Mapping[StreamKey, Set[str]]
 """The monitors of each stream."""
+_MOST = 100_000
+"""Up to so many pairs of atoms of a formula, at all streams and of as many properties, what decides it is looked at."""
 
 
 class Unseen(NamedTuple):
@@ -30,20 +32,41 @@ class Unseen(NamedTuple):
 
 
 def unseen(spec: Spec, monitors: Monitors) -> Iterator[Unseen]:
-    """What each property does not see, by the monitors of streams: two of which none has both are apart."""
-    apart = {
-        name: (holder.key, others)
-        for holder in spec.streams
-        if holder.hold and (others := [s for s in spec.streams if _are_apart(holder.key, s.key, monitors)])
-        for name in sorted(holder.hold)
-    }
-    for prop in spec.properties if apart else ():
-        formulas = [(formula, _keys(spec, atoms(formula))) for formula in _read(spec, prop)]
-        for name, (holder, others) in apart.items():
-            asking = [formula for formula, keys in formulas if name in keys]
-            at = tuple(s.key for s in others if any(_asks(spec, formula, name, s) for formula in asking))
-            if at:
-                yield Unseen(prop.id, holder, name, at)
+    """What each property does not see, by the monitors of streams: two of which none has both are apart.
+
+    Of a spec of many streams and long formulas it is told, too, where one side of a formula decides it whatever the
+    other says: sessions wait for this.
+    """
+    holders = {name: stream.key for stream in spec.streams for name in sorted(stream.hold)}
+    keys = [stream.key for stream in spec.streams]
+    apart = [_apart_from(key, spec, monitors) for key in keys]
+    if not any(apart):
+        return
+    for prop in spec.properties:
+        found: dict[str, set[int]] = {}
+        for name, i in (each for formula in _read(spec, prop) for each in _missed(spec, formula, apart)):
+            found.setdefault(name, set()).add(i)
+        for name in filter(found.__contains__, holders):
+            yield Unseen(prop.id, holders[name], name, tuple(keys[i] for i in sorted(found[name])))
+
+
+def _missed(spec: Spec, formula: Formula, apart: Sequence[frozenset[str]]) -> Iterator[tuple[str, int]]:
+    """What a formula asks for that is not seen, and at which streams; `apart` is what each does not see."""
+    tested = {atom: _keys(spec, [atom]) for atom in atoms(formula)}
+    read = frozenset[str]().union(*tested.values())
+    named = {(c.key, c.value) for atom in tested for c in atom.constraints if c.op == "=="}
+    is_short = len(tested) ** 2 * len(spec.streams) * len(spec.properties) <= _MOST
+    for i, stream in enumerate(spec.streams):
+        own = (stream.signals or {}).keys()
+        missed = read & apart[i] - own
+        if missed and ((stream.traits.group, stream.name) in named or not own.isdisjoint(read)):
+            for name in missed & _open_keys(formula, tested, stream) if is_short else missed:
+                yield name, i
+
+
+def _apart_from(one: StreamKey, spec: Spec, monitors: Monitors) -> frozenset[str]:
+    """The signals that are held by streams of which no monitor tells that tells of this one."""
+    return frozenset[str]().union(*(s.hold for s in spec.streams if s.hold and _are_apart(s.key, one, monitors)))
 
 
 def _are_apart(one: StreamKey, other: StreamKey, monitors: Monitors) -> bool:
@@ -76,17 +99,11 @@ def _keys(spec: Spec, tested: Iterable[Atom]) -> frozenset[str]:
     return frozenset(keys)
 
 
-def _asks(spec: Spec, formula: Formula, held: str, stream: StreamSpec) -> bool:
-    """Whether a formula asks of a stream, by its name or a signal of it, and what is held may matter at its events."""
-    tested = atoms(formula)
-    keys, own = _keys(spec, tested), stream.signals or ()
-    if held in own:
-        return False
-    named = {c.value for atom in tested for c in atom.constraints if c.key == stream.traits.group and c.op == "=="}
-    if stream.name not in named and keys.isdisjoint(own):
-        return False
-    reading = {atom for atom in tested if held in _keys(spec, [atom])}
-    return any(node in reading for node in _open(formula, lambda atom: _known(atom, stream)))
+def _open_keys(formula: Formula, tested: Mapping[Atom, frozenset[str]], stream: StreamSpec) -> frozenset[str]:
+    """The signals that may matter to a formula at the events of a stream, of those that its atoms read."""
+    known = {atom: _known(atom, stream) for atom in tested}
+    open_ = (node for node in _open(formula, known.__getitem__) if isinstance(node, Atom))
+    return frozenset[str]().union(*(tested[atom] for atom in open_))
 
 
 def _known(atom: Atom, stream: StreamSpec) -> bool | None:

@@ -9,6 +9,9 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.spec import Spec
 from oracle_server.sessions.monitor import Monitor
 
+_MOST = 3
+"""Signals that are told of a property."""
+
 
 class Apart:
     """Tells it by the streams that monitors observe, worked out anew only where these are others."""
@@ -35,8 +38,11 @@ class Apart:
                 monitors.setdefault(key, set()).add(name)
         missing: dict[str, list[str]] = {}
         for found in unseen(self._spec, monitors):
+            texts = missing.setdefault(found.property, [])
+            if len(texts) == _MOST:
+                continue
             mine, at, theirs = found.told(monitors)
-            missing.setdefault(found.property, []).append(
+            texts.append(
                 f"{found.name} of {found.holder} is held for {mine} alone, and not seen at {at} of {theirs}: what is "
                 f"held is of each monitor by itself; `{{last: {found.name}}}` under `derive` is of all"
             )

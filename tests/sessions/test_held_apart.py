@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from oracle_server.core import apart
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession
@@ -86,3 +87,27 @@ async def test_it_is_told_as_long_as_both_are_there(tmp_path: Path, formula: str
     live.detach(base)
     await sessions.attach(attach("s", "two", monitor="both"), Kept())
     assert told(live) == [], "whose events see what they hold themselves"
+
+
+async def test_of_a_spec_that_takes_long_to_look_at_rather_too_much_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All sessions wait for it: of a spec as large as one may be it took a minute."""
+    monkeypatch.setattr(apart, "_MOST", 0)
+    decided = "formula: '({topic: /scan} -> {near: false}) and ({topic: /cmd} -> {speed < 1})'"
+    sessions = registry(MemoryHistory(), tmp_path, SPEC.replace("FORMULA", decided))
+    live, _ = await sessions.attach(attach("s", "two", monitor="lidar", streams=["/scan"]), Kept())
+    await sessions.attach(attach("s", "two", monitor="base", streams=["/cmd", "/odom"]), Kept())
+    (text,) = told(live)
+    assert text.startswith("near of /scan is held for lidar alone, and not seen at /cmd of base")
+
+
+async def test_of_many_signals_the_first_are_told(tmp_path: Path) -> None:
+    names = [f"h{n}" for n in range(9)]
+    spec = SPEC.replace("near: msg.near", ", ".join(f"{name}: msg.{name}" for name in ("near", *names)))
+    spec = spec.replace("hold: [near", f"hold: [{', '.join(('near', *names))}")
+    asked = " or ".join(f"{{{name}}}" for name in names)
+    sessions = registry(MemoryHistory(), tmp_path, spec.replace("FORMULA", f"formula: '{{topic: /cmd}} -> {asked}'"))
+    live, _ = await sessions.attach(attach("s", "two", monitor="lidar", streams=["/scan"]), Kept())
+    await sessions.attach(attach("s", "two", monitor="base", streams=["/cmd", "/odom"]), Kept())
+    assert [text.split()[0] for text in told(live)] == names[:3]
