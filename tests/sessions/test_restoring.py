@@ -53,6 +53,12 @@ def impatient(history: MemoryHistory, folder: Path) -> Registry:
     return Registry(history, Library(None, folder), Clock(), resume_within=0.0)
 
 
+def make_recording(history: MemoryHistory) -> None:
+    """As if a recording had been judged in the first session."""
+    kept = history._kept[1]
+    kept.record = kept.record._replace(kind="recording")
+
+
 async def present(history: MemoryHistory, number: int) -> list[bool]:
     return [monitor.attached for monitor in await history.monitors(number)]
 
@@ -168,8 +174,7 @@ async def test_a_recording_whose_rows_can_not_be_understood_keeps_no_session_fro
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     history, private = await left(tmp_path)
-    kept = history._kept[1]
-    kept.record = kept.record._replace(kind="recording")
+    make_recording(history)
 
     async def fails(*_: object) -> Any:
         raise KeyError("odd")
@@ -186,8 +191,7 @@ async def test_the_session_of_a_recording_that_was_cut_off_is_known_while_it_is_
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     history, _ = await left(tmp_path)
-    kept = history._kept[1]
-    kept.record = kept.record._replace(kind="recording")
+    make_recording(history)
     closing, waiting = history.close_session, asyncio.Event()
 
     def slow(session: int, at: int, state: Document, done: Done | None = None) -> None:
