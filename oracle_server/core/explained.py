@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from oracle_server.core.engine import Engine, Explaining
+from oracle_server.core.engine import Engine, Explaining, provides
 from oracle_server.core.explanation import Why
 from oracle_server.core.owing import AllUnanswered
 from oracle_server.core.past import NO_PAST, Past
@@ -47,7 +47,7 @@ class Explained:
         if self.asked or (outcome in NEGATIVE and (not self.negative or self.unanswered)):
             past = NO_PAST if self.past is None else self.past()
             self.why = None
-            if past is not None and isinstance(self.engine, Explaining):
+            if past is not None and provides(self.engine, Explaining):
                 try:
                     self.why = self.engine.explain(past)
                 except Exception as error:  # noqa: BLE001 -- an outcome stands, whether or not it can be explained

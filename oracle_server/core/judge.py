@@ -12,7 +12,7 @@ from oracle_server.core.blaming import NO_ONE, Blaming
 from oracle_server.core.counting import Counters, Told
 from oracle_server.core.deciding import Before, attempted, is_denied, is_denied_by
 from oracle_server.core.derived.state import Derived, LastStep
-from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring, provides
 from oracle_server.core.episode import Following, loaded, saved
 from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Source, Step
 from oracle_server.core.formula.tree import Scalar
@@ -50,7 +50,7 @@ class Judge(Blaming):
         self._order = order
         self._numbers = numbers
         self._decides, self._knows_first = decides, order == orders(plan.spec)[-1]
-        self._measures = any(isinstance(engine, Measuring) for engine in engines)
+        self._measures = any(provides(engine, Measuring) for engine in engines)
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""
         self._derived = Derived(plan.derived)

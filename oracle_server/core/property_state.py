@@ -18,6 +18,7 @@ from oracle_server.core.engine import (
     Receiving,
     Revisable,
     Savable,
+    provides,
 )
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
@@ -114,10 +115,10 @@ class PropertyState(Counted):
 
     def __post_init__(self) -> None:
         """Find out once what its engine can do."""
-        self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
-        self._revisable = self.engine if isinstance(self.engine, Revisable) else None
-        self._measuring = self.engine if isinstance(self.engine, Measuring) else None
-        self._guarding = self.engine if self.owed is not None and isinstance(self.engine, Guarding) else None
+        self.owed = self.engine.owed if provides(self.engine, Owing) else None
+        self._revisable = self.engine if provides(self.engine, Revisable) else None
+        self._measuring = self.engine if provides(self.engine, Measuring) else None
+        self._guarding = self.engine if self.owed is not None and provides(self.engine, Guarding) else None
         prop = self.property
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
 
@@ -178,7 +179,7 @@ class PropertyState(Counted):
     def receive(self, answer: Answer) -> None:
         """Use the answer of an external oracle for the next step."""
         self.renewed = self.renewed or answer.anew
-        if isinstance(self.engine, Receiving):
+        if provides(self.engine, Receiving):
             self.engine.receive(answer)
 
     def next_deadline(self, after: int) -> int | None:
@@ -209,7 +210,7 @@ class PropertyState(Counted):
     def end(self) -> Outcome:
         """The outcome once nothing will come any more; that of before where this decides nothing."""
         self.settles = False
-        if self.property.at_end != "violated" or self.outcome in FINAL or not isinstance(self.engine, Owing):
+        if self.property.at_end != "violated" or self.outcome in FINAL or not provides(self.engine, Owing):
             return self.outcome
         return self._pass(self.engine.end)
 
@@ -225,7 +226,7 @@ class PropertyState(Counted):
         engine = self._revisable
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
-        if self.owed is not None and isinstance(engine, Owing):
+        if self.owed is not None and provides(engine, Owing):
             return self._pass(partial(engine.pass_time, time))
         engine.mark()
         outcome = self._ask_engine(view, time, signals, failed, allowed)
@@ -244,7 +245,7 @@ class PropertyState(Counted):
 
     def decide(self, time: int, enough: Callable[[], bool]) -> bool:
         """Before a tick at which it is due: let time decide a part of what it will then; whether nothing is left."""
-        if self.owed is None or not isinstance(self.engine, Owing):
+        if self.owed is None or not provides(self.engine, Owing):
             return True
         try:
             return self.engine.decide(time, enough)
@@ -299,7 +300,7 @@ class PropertyState(Counted):
         """All that later verdicts depend on, as plain data; None where the engine can't be saved."""
         engine = None
         if self.broken is None and (self.outcome not in FINAL or self._goes_on):
-            if not isinstance(self.engine, Savable):
+            if not provides(self.engine, Savable):
                 return None
             engine = self.engine.snapshot()
         return {
@@ -329,7 +330,7 @@ class PropertyState(Counted):
         self.stained = data.get("stained", True)
         self._goes_on = self._goes_on and (data["engine"] is not None or self.outcome not in FINAL)
         if data["engine"] is not None:
-            if not isinstance(self.engine, Savable):
+            if not provides(self.engine, Savable):
                 raise EngineError("a snapshot of another engine")
             self.engine.restore(data["engine"])
 
@@ -378,9 +379,9 @@ class PropertyState(Counted):
             return Outcome.UNKNOWN
         engine = self.engine
         try:
-            if failed and self.owed and isinstance(engine, Owing) and not view.reads.isdisjoint(failed):
+            if failed and self.owed and provides(engine, Owing) and not view.reads.isdisjoint(failed):
                 engine.lose(lost(view, signals, failed))
-            if allowed < MAX_WORK and isinstance(engine, Bounded):
+            if allowed < MAX_WORK and provides(engine, Bounded):
                 engine.allow(allowed)
                 outcome = engine.step(time, view.matches(signals))
                 engine.allow(MAX_WORK)
