@@ -23,6 +23,7 @@ from oracle_server.history.records import MonitorRecord, SnapshotRecord, StoredS
 from oracle_server.history.sql import matching, writer
 from oracle_server.history.sql.batch import Work, write
 from oracle_server.history.sql.rows import step_row
+from oracle_server.history.sql.statements import AMEND, ASKED
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.reader import SqliteReader
 from oracle_server.history.sqlite.store import Durability, SqliteStore
@@ -317,6 +318,17 @@ async def test_the_ends_of_sessions_are_found_without_a_look_at_what_is_between(
     assert answers[:2] == [200_000, (1, 2000)]
     assert many <= few + 2
     await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("sql", [AMEND, ASKED])
+def test_the_step_at_which_an_event_was_decided_is_found_without_a_look_at_others(sql: str, tmp_path: Path) -> None:
+    """Else what adapters did with 20,000 messages takes minutes to write, for which nothing is committed."""
+    with closing(SqliteStore(tmp_path / "history.sqlite", "normal")) as store:
+        plan = store.database.execute(f"EXPLAIN QUERY PLAN {sql}", [None] * sql.count("?")).fetchall()
+    assert [row[-1] for row in plan if "steps" in row[-1]] == [
+        "SEARCH steps USING PRIMARY KEY (session=? AND position=?)",
+        "SEARCH steps USING COVERING INDEX steps_by_seq (session=? AND monitor=? AND seq=?)",
+    ]
 
 
 async def test_what_sorts_a_long_history_keeps_no_page_waiting(tmp_path: Path) -> None:

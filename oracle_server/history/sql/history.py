@@ -51,6 +51,8 @@ from oracle_server.history.sql.rows import (
 )
 from oracle_server.history.sql.schema import MONITOR_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
 from oracle_server.history.sql.statements import (
+    AMEND,
+    ASKED,
     EXTENT,
     FORGET_SESSION,
     KEPT,
@@ -202,9 +204,7 @@ class SqlHistory:
 
     def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
         """Add to the step at which an event was decided what the adapter did."""
-        which = "session = ? AND monitor = ? AND seq = ? AND (decision IS NOT NULL OR ask = 0)"
-        sql = f"UPDATE steps SET passed = ?, why = ? WHERE {which}"  # noqa: S608
-        self._execute(session, sql, lambda: (*handling, session, monitor, seq), done)
+        self._execute(session, AMEND, lambda: (*handling, session, monitor, seq), done)
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
@@ -321,8 +321,7 @@ class SqlHistory:
 
     async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
         """The step of an event at which it was decided."""
-        where = "WHERE session = ? AND monitor = ? AND seq = ? AND decision IS NOT NULL"
-        return await self._lookups.one(step_of, f"{STEPS} {where}", (session, monitor, seq))
+        return await self._lookups.one(step_of, ASKED, (session, monitor, seq))
 
     async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
         """The steps behind a position, up to another, by pages."""

@@ -15,6 +15,11 @@ EXTENT = (  # each end by itself: one query for both would read all that is betw
     "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
     "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0)"
 )
+_OF_EVENT = "(session, position) IN (SELECT session, position FROM steps WHERE session = ? AND monitor = ? AND seq = ?)"
+"""SQLite would read all steps of the session rather than go to each row by an index: the index alone answers this."""
+AMEND = f"UPDATE steps SET passed = ?, why = ? WHERE {_OF_EVENT} AND (decision IS NOT NULL OR ask = 0)"  # noqa: S608
+"""Where an event is judged by two orders its step in the other one decided nothing."""
+ASKED = f"{STEPS} WHERE {_OF_EVENT} AND decision IS NOT NULL"
 COUNTED = (
     "coalesce((SELECT number FROM steps WHERE session = s.number AND ord = s.decides AND stream <> '' AND number > 0 "
     "ORDER BY position DESC LIMIT 1), 0)"
