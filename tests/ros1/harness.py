@@ -68,6 +68,10 @@ class Peer:
         self._do("call", number, service, kind, request)
         return number
 
+    def connect_service(self, kind: Any, service: str) -> None:
+        """Have all calls of a service that is there on one connection."""
+        self._do("connect_service", service, kind)
+
     def answer(self, number: int, wait: bool = True) -> peer.Answer | None:
         """What came of a call: the response, or the error's text."""
         if wait:

@@ -28,6 +28,7 @@ class Node(ActionSide):
         self._publishers: dict[str, rospy.Publisher] = {}
         self._reached: dict[str, list[Any]] = defaultdict(list)
         self._answers: dict[int, Answer] = {}
+        self._connected: dict[str, rospy.ServiceProxy] = {}
 
     def record(self, topic: str, kind: Any) -> None:
         """Hear a topic from now on."""
@@ -80,13 +81,19 @@ class Node(ActionSide):
         """The requests that have reached a service."""
         return list(self._reached[service])
 
+    def connect_service(self, service: str, kind: Any) -> None:
+        """Have all calls of a service on one connection, which its first call makes."""
+        self._connected[service] = rospy.ServiceProxy(service, kind, persistent=True)
+
     def call(self, number: int, service: str, kind: Any, request: Any) -> None:
         """Call a service, in a thread of its own."""
 
         def work() -> None:
             try:
-                rospy.wait_for_service(service)
-                self._answers[number] = rospy.ServiceProxy(service, kind)(request), None
+                connected = self._connected.get(service)
+                if connected is None:
+                    rospy.wait_for_service(service)
+                self._answers[number] = (connected or rospy.ServiceProxy(service, kind))(request), None
             except rospy.ServiceException as error:
                 self._answers[number] = None, str(error)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 from io import BytesIO
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Self
 
+import pytest
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 from tests.processes import eventually
@@ -144,6 +146,43 @@ def test_a_server_of_another_definition_is_told(tmp_path: Path) -> None:
         adapter.said("/switch: a call of /switch does not come through: unable to connect to service: ")
         [told] = scene.server.events("s")
         assert (told["kind"], told["passed"]) == ("request", True)
+        adapter.ends_well()
+
+
+def say_on(_: Any) -> SetBoolResponse:
+    return SetBoolResponse(True, "on")
+
+
+@pytest.mark.parametrize("away", ["dead", "hanging"])
+def test_who_keeps_a_connection_goes_on_to_be_served_without_a_master(away: str, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", say_on)
+        caller.until(lambda: caller.call(SetBool, "/switch_mon", True)[0], lambda: "nobody serves /switch")
+        caller.connect_service(SetBool, "/switch_mon")
+        assert caller.call(SetBool, "/switch_mon", True)[1] is None
+        if away == "dead":
+            scene.master.remove()
+        else:
+            scene.master.send(signal.SIGSTOP)
+        assert [caller.call(SetBool, "/switch_mon", data)[1] is None for data in (True, False, True)] == [
+            True, False, True,
+        ]  # fmt: skip
+        scene.master.send(signal.SIGCONT)
+        adapter.ends_well()
+
+
+def test_a_service_that_a_new_master_does_not_know_goes_on_to_be_called(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", say_on)
+        assert caller.call(SetBool, "/switch_mon", True)[1] is None
+        scene.restart_master()
+        adapter.said("registered again")
+        assert caller.call(SetBool, "/switch_mon", True)[1] is None
+        assert len(panel.reached("/switch")) == 2
+        panel.close()
+        assert "service [/switch] unavailable" in str(caller.call(SetBool, "/switch_mon", True)[1])
         adapter.ends_well()
 
 

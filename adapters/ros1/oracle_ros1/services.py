@@ -12,15 +12,13 @@ from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
 from oracle_adapter.unread import Recent, Unreadable
 
+from oracle_ros1.called import UNCONNECTED, CalledService
 from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
 from oracle_ros1.handshakes import MISCALLED
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import misplaced, stamp_reader
 from oracle_ros1.unserved import UnservedService
-
-_UNCONNECTED = "unable to connect to service"
-"""How rospy's error begins where nobody answers, or who serves it has another definition of its type."""
 
 
 def _as_sent(service_type: Any) -> Any:
@@ -70,6 +68,7 @@ class ProxiedService:
         self._stopped = False
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
         self._unserved = UnservedService(shared.graph, self._served)
+        self._called = CalledService(self._served, self._type)
         self._unreached = Recent()
         self._service = rospy.Service(self._proxy, self._type, self._serve)
 
@@ -94,9 +93,9 @@ class ProxiedService:
         call = next(self._calls)
         self._judge(self._request, request, call)
         try:
-            response = rospy.ServiceProxy(self._served, self._type)(request)
+            response = self._called.call(request)
         except rospy.ServiceException as error:
-            if str(error).startswith(_UNCONNECTED):
+            if str(error).startswith(UNCONNECTED):
                 self._unreached.add(f"a call of {rospy.resolve_name(self._served)} does not come through: {error}")
             raise
         self._judge(self._response, response, call)
