@@ -12,7 +12,7 @@ import pytest
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 from tests.processes import eventually
-from tests.robot import SWITCH, spec_folder
+from tests.robot import SWITCH, changed, spec_folder
 from tests.ros1.harness import Scene
 
 LATIN = b"\x01\x04\0\0\0caf\xe9"
@@ -169,6 +169,22 @@ def test_who_keeps_a_connection_goes_on_to_be_served_without_a_master(away: str,
             True, False, True,
         ]  # fmt: skip
         scene.master.send(signal.SIGCONT)
+        adapter.ends_well()
+
+
+def test_who_keeps_a_connection_goes_on_to_be_served_by_a_session_made_anew(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", say_on)
+        caller.until(lambda: caller.call(SetBool, "/switch_mon", True)[0], lambda: "nobody serves /switch")
+        caller.connect_service(SetBool, "/switch_mon")
+        assert caller.call(SetBool, "/switch_mon", True)[1] is None
+        scene.server.kill()
+        changed(tmp_path)
+        scene.server.restart()
+        adapter.said("observing 3 streams")
+        assert caller.call(SetBool, "/switch_mon", True) == (SetBoolResponse(True, "on"), None)
+        assert "denied the request of /switch: only_on" in str(caller.call(SetBool, "/switch_mon", False)[1])
         adapter.ends_well()
 
 

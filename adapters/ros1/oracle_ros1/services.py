@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Optional
+from typing import Any, Callable, Iterator, Optional
 
 import rospy
 from oracle_adapter import TimeSource
@@ -11,6 +11,7 @@ from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
 from oracle_adapter.unread import Recent, Unreadable
+from rospy.impl.tcpros_service import get_service_manager
 
 from oracle_ros1.called import UNCONNECTED, CalledService
 from oracle_ros1.codec import lacking, reader
@@ -81,7 +82,10 @@ class ProxiedService:
         return "; ".join(filter(None, (self.bypass, *calls, *self._request.troubles(), *self._response.troubles())))
 
     def stop(self) -> None:
-        """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has."""
+        """Serve no more: what is not decided on yet goes no further, nor what a client calls on a connection it has.
+
+        That goes to who serves the proxy next.
+        """
         self._stopped = True
 
     def leave(self) -> None:
@@ -89,7 +93,8 @@ class ProxiedService:
         self._service.shutdown("the monitor ends")
 
     def _serve(self, request: Any) -> Any:
-        self._demand_serving()
+        if self._stopped:
+            return self._successor()(request)
         call = next(self._calls)
         self._judge(self._request, request, call)
         try:
@@ -101,9 +106,17 @@ class ProxiedService:
         self._judge(self._response, response, call)
         return response
 
-    def _demand_serving(self) -> None:
-        if self._stopped:
+    def _successor(self) -> Callable[[Any], Any]:
+        """What serves the proxy by another spec: whoever keeps a connection calls this one for ever.
+
+        Raises `ServiceException` where nothing does, or by another definition.
+        """
+        found = get_service_manager().get_service(rospy.resolve_name(self._proxy))
+        digest = self._type._md5sum  # noqa: SLF001 - genpy's own interface
+        if found is None or found is self._service or found.service_class._md5sum != digest:  # noqa: SLF001
             raise rospy.ServiceException(f"the monitor of {self._name} has ended")
+        serve: Callable[[Any], Any] = found.handler
+        return serve
 
     def _judge(self, side: "_Side", message: Any, call: int) -> None:
         """Raise `ServiceException`, which is the client's, where this must not pass."""
