@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 from action_msgs.msg import GoalInfo
 from action_msgs.srv import CancelGoal
 
+from oracle_ros2.circles import call_circle
 from oracle_ros2.codec import load_type, write
 from oracle_ros2.feedback import RelayedFeedback
 from oracle_ros2.goals import Goals
@@ -54,6 +55,7 @@ class ProxiedAction:
         write(self._type.Result(), self._denied)
         served, proxy = shared.names[self.name], shared.names[first["proxy"]]
         self._proxied = [(hidden(served, service), hidden(proxy, service)) for service in SERVICES]
+        self._circle = call_circle(node, *self._proxied[0])
         self._goals, self._now = Goals(), time_of(node)
 
         contents = {"goal": self._type.Goal, "reply": impl.SendGoalService.Response, "cancel": GoalInfo,
@@ -127,12 +129,13 @@ class ProxiedAction:
         self._link.lost(sum(overdue))
         found = [*self._feedback.look(), *self._status.look(), *(text for relay in relays for text in relay.look())]
         self._abort(self._orphaned())
-        past = past_proxy(self._node, *self._proxied), self._feedback.bypass, self._status.bypass
+        self._circle.look()
+        past = past_proxy(self._node, *self._proxied), self._circle.text, self._feedback.bypass, self._status.bypass
         self.bypass = "; ".join(text for text in past if text)
         if self._results.is_there:
             self._trouble = ""
         sides = [side.trouble for side in self._sides.values()]
-        troubles = (past[0], *found, *sides, *self._withdrawals.troubles(), self._trouble)
+        troubles = (*past[:2], *found, *sides, *self._withdrawals.troubles(), self._trouble)
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
@@ -166,8 +169,14 @@ class ProxiedAction:
     def _ask_goal(self, call: Call) -> None:
         goal = _goal_of(call)
         self._goals.begin(goal, self._now())
-        forward = self._sending.forward
-        give, refuse = lambda: forward(call), lambda: self._reject(call)
+
+        def give() -> bool:
+            if self._circle.text:
+                self._reject(call)
+                return False
+            return self._sending.forward(call)
+
+        refuse = partial(self._reject, call)
         self._judge("goal", call.request.goal, give, refuse, goal, call.number, lost=call.lost)
 
     def _answer_goal(self, call: Call, response: Any) -> None:
@@ -212,6 +221,9 @@ class ProxiedAction:
     # Cancelling
 
     def _ask_cancel(self, call: Call) -> None:
+        if self._circle.text:
+            self._keep(call)
+            return
         info = call.request.goal_info
         goal = bytes(info.goal_id.uuid)
         give, refuse = lambda: self._cancel(call, goal), lambda: self._keep(call)
@@ -244,7 +256,7 @@ class ProxiedAction:
 
     def _ask_result(self, call: Call) -> None:
         goal = _goal_of(call)
-        if self._goals.is_withheld(goal):
+        if self._circle.text or self._goals.is_withheld(goal):
             self._withhold(call)
             return
         if self._asks_results:

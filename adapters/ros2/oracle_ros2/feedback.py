@@ -12,6 +12,7 @@ from oracle_adapter.interfaces import is_filtered
 from oracle_adapter.pacing import Pacer
 from oracle_adapter.passing import Passing
 
+from oracle_ros2.circles import topic_circle
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import unguarded
 from oracle_ros2.numbering import Numbers, source_of
@@ -58,6 +59,7 @@ class RelayedFeedback:
         """`topics`: where feedback comes from, and where it goes."""
         self._link, self._board, self._goals, self._name = shared.link, shared.board, goals, name
         self._node, self._topics = shared.node, topics
+        self._circle = topic_circle(shared.node, *topics)
         self._publisher = MatchedPublisher(shared.node, message_type, topics[1])
         self._pacer = Pacer(self._publish)
         self._entering = threading.RLock()  # guards what waits for a reply: that comes in the link's thread, too
@@ -86,12 +88,13 @@ class RelayedFeedback:
 
     @property
     def bypass(self) -> str:
-        """Who publishes past the monitor what it forwards."""
-        return self._publisher.bypass
+        """Who publishes past the monitor what it forwards, or gives it back."""
+        return "; ".join(filter(None, (self._publisher.bypass, self._circle.text)))
 
     def look(self) -> list[str]:
         """Look at the other nodes again, and return what is wrong."""
-        troubles = [self.subscription.look(), self._publisher.look(self.subscription.offered)]
+        self._circle.look()
+        troubles = [self.subscription.look(), self._publisher.look(self.subscription.offered), self._circle.text]
         if self.observed is not None:
             with self._entering:
                 overdue = self.observed.unread.overdue()
@@ -117,6 +120,8 @@ class RelayedFeedback:
         self._publisher.match(self.subscription.offered)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
+        if self._circle.has(source_of(info)):
+            return
         missed = self._numbers.missed(source_of(info), info)
         if missed < 0:
             return

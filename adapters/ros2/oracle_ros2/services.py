@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Mapping, Sequence
 
 from oracle_adapter.interfaces import is_filtered
 
+from oracle_ros2.circles import call_circle
 from oracle_ros2.codec import load_type, write
 from oracle_ros2.graph import past_proxy
 from oracle_ros2.relay import UNDERWAY, Relay
@@ -50,6 +51,7 @@ class ProxiedService:
         self.doubt = ""
         """That nobody serves it, as of the last look."""
         self._served, self._proxy = shared.names[self.name], shared.names[request["proxy"]]
+        self._circle = call_circle(shared.node, self._served, self._proxy)
         self._unserved = UnservedService(shared.node, self._served, request["type"])
         self._relay = Relay(shared.node, self._type, self._served, self._proxy, self._ask, self._answer)
 
@@ -65,7 +67,9 @@ class ProxiedService:
         """Look at the other nodes again, and return what is wrong."""
         self.doubt = self._unserved.look()
         self._link.lost(self._relay.overdue())
-        self.bypass = past_proxy(self._node, (self._served, self._proxy))
+        self._circle.look()
+        past = past_proxy(self._node, (self._served, self._proxy))
+        self.bypass = "; ".join(filter(None, (past, self._circle.text)))
         troubles = (self.bypass, *self._relay.look(), self._request.trouble, self._response.trouble)
         return "; ".join(trouble for trouble in troubles if trouble)
 
@@ -76,8 +80,13 @@ class ProxiedService:
     # The steps of a call, in the thread of the callbacks; in the link's after a decision.
 
     def _ask(self, call: Call) -> None:
-        forward = self._relay.forward
-        self._request.judge(call.request, lambda: forward(call), lambda: self._deny(call), call.number, lost=call.lost)
+        def give() -> bool:
+            if self._circle.text:
+                self._give_up([call], self._circle.text)
+                return False
+            return self._relay.forward(call)
+
+        self._request.judge(call.request, give, lambda: self._deny(call), call.number, lost=call.lost)
 
     def _answer(self, call: Call, response: Any) -> None:
         reply = self._relay.reply

@@ -10,6 +10,7 @@ from action_msgs.msg import GoalStatusArray
 from oracle_adapter.unread import Unread
 from rclpy.qos import qos_profile_action_status_default
 
+from oracle_ros2.circles import topic_circle
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.numbering import Numbers, source_of
 from oracle_ros2.republished import MatchedPublisher
@@ -100,6 +101,7 @@ class RelayedStatus:
         self.count = 0
         """How many arrays have come."""
         self.observed = None if stream is None else StatusStream(shared, stream, stamped_here=True)
+        self._circle = topic_circle(shared.node, *topics)
         self._numbers = Numbers(self._match)
         self._unread: deque[_Unread] = deque()
         self._waiting: deque[tuple[bytes, Statuses, float]] = deque(maxlen=HELD)
@@ -111,8 +113,8 @@ class RelayedStatus:
 
     @property
     def bypass(self) -> str:
-        """Who publishes past the monitor what it forwards."""
-        return self._publisher.bypass
+        """Who publishes past the monitor what it forwards, or gives it back."""
+        return "; ".join(filter(None, (self._publisher.bypass, self._circle.text)))
 
     @property
     def under_way(self) -> int:
@@ -123,7 +125,8 @@ class RelayedStatus:
 
     def look(self) -> list[str]:
         """Look at the other nodes again, and return what is wrong."""
-        troubles = [self.subscription.look(), self._publisher.look(self.subscription.offered)]
+        self._circle.look()
+        troubles = [self.subscription.look(), self._publisher.look(self.subscription.offered), self._circle.text]
         if self.observed is not None:
             with self._goals.lock:
                 self.observed.keep(self.subscription.sources)
@@ -172,6 +175,8 @@ class RelayedStatus:
         self._publisher.match(self.subscription.offered)
 
     def _take(self, array: bytes, info: Mapping[str, Any]) -> None:
+        if self._circle.has(source_of(info)):
+            return
         lost = self._numbers.missed(source_of(info), info)
         if lost < 0:
             return

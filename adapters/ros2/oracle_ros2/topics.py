@@ -14,6 +14,7 @@ from oracle_adapter.passing import Passing
 from oracle_adapter.unread import Unread
 from rclpy.serialization import deserialize_message
 
+from oracle_ros2.circles import topic_circle
 from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedSubscription
 from oracle_ros2.graph import Monitors, unguarded
@@ -208,6 +209,7 @@ class FilteredTopic:
         refuse_own(topic.name, node.resolve_topic_name(source), map(node.resolve_topic_name, OWN))
         self._link, self._node = shared.link, node
         self._heard, self._given, self._unguarded = source, target, ""
+        self._circle = topic_circle(node, source, target)
         self._publisher = MatchedPublisher(node, self.observed.type, target)
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self._queue = ForwardQueue(passing, self._give)
@@ -231,8 +233,8 @@ class FilteredTopic:
 
     @property
     def bypass(self) -> str:
-        """Who publishes past the monitor what it forwards."""
-        return self._publisher.bypass
+        """Who publishes past the monitor what it forwards, or gives it back."""
+        return "; ".join(filter(None, (self._publisher.bypass, self._circle.text)))
 
     def catch_up(self) -> None:
         """Take every message that has come by now."""
@@ -242,7 +244,8 @@ class FilteredTopic:
         """Look at the other nodes again, and return what is wrong."""
         untold = self._link.lost(self.observed.unread.overdue())
         heard = self.subscription
-        found = heard.look(), self._publisher.look(heard.offered, heard.sources)
+        self._circle.look()
+        found = heard.look(), self._publisher.look(heard.offered, heard.sources), self._circle.text
         self._lifespan = lifespan(heard.offered)
         self._unguarded = unguarded(self._node, self._heard, self._given)
         troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self, untold))
@@ -260,6 +263,8 @@ class FilteredTopic:
         self._publisher.match(self.subscription.offered, self.subscription.sources)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
+        if self._circle.has(source_of(info)):
+            return
         self._publisher.is_told = bool(source_of(info))
         event = self.observed.event(message, info)
         if event is not None:
