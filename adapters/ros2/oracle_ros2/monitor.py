@@ -13,6 +13,7 @@ from oracle_adapter.interfaces import interfaces_of, report_unknown
 from oracle_adapter.monitors import VERDICT
 from rclpy.clock import Clock, ClockType
 
+from oracle_ros2.alone import GRAPH, Alone
 from oracle_ros2.endpoints import full_name
 from oracle_ros2.graph import namesakes
 from oracle_ros2.parts import make_part, names_on_graph
@@ -47,6 +48,7 @@ class Monitor:
         self._verdict = f"{graph_name(attached.monitor)}/{VERDICT}"
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
+        self._alone = Alone(node)
         self._clocks = clocks = Clocks(self._now)
         self._watch, self._silent, self._torn = None, SilentClock(self._now), TornClock()
         if simulated(node):
@@ -91,11 +93,14 @@ class Monitor:
         time_trouble = self._silent.look() or self._torn.look(tellers)
         self._board.trouble(SIMULATED, time_trouble, time_doubt)
         self._board.trouble(NAME, "", namesakes(self._node, self._verdict))
+        alone = self._alone.look()
+        self._board.trouble(GRAPH, "", alone)
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
             by_field = any(stream.time_source == "field" for stream in part.streams)
-            trouble = "; ".join(filter(None, (trouble, part.doubt, time_doubt if by_field else "")))
+            graph_doubt = alone if part is self._parts[0] else ""  # once
+            trouble = "; ".join(filter(None, (trouble, part.doubt, graph_doubt, time_doubt if by_field else "")))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
 
     def _renew(self) -> None:
