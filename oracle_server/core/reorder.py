@@ -156,6 +156,14 @@ class ReorderBuffer(Generic[T]):
         return {source: (len(known.publishers), known.forgotten) for source, known in self._frontiers.items()}
 
     @property
+    def heard(self) -> dict[StreamKey, list[tuple[str, Iterable[str]]]]:
+        """The monitors that have a stream open, each with the publishers that it has heard; not to be kept."""
+        found: dict[StreamKey, list[tuple[str, Iterable[str]]]] = {}
+        for (monitor, stream), known in self._frontiers.items():
+            found.setdefault(stream, []).append((monitor, known.publishers))
+        return found
+
+    @property
     def ahead(self) -> frozenset[str]:
         """The monitors for none of whose streams the order waits: all are beyond the least frontier."""
         behind = {m for (m, _), reached in self.frontiers.items() if reached == self._limit}

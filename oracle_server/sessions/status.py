@@ -14,6 +14,7 @@ from oracle_server.core.spec import SECOND
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
 from oracle_server.sessions.counters import counted
+from oracle_server.sessions.doubled import doubled
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.runs import run_of
 from oracle_server.sessions.standing import caveats
@@ -49,13 +50,14 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
 def _told_of_monitors(session: LiveSession, state: dict[str, Any]) -> dict[str, Any]:
     """The state with the caveats of properties that come from their monitors.
 
-    They are of those that left, of what one holds and another's events do not see, and of clocks.
+    They are of those that left, of what one holds and another's events do not see, of what several hear, and of clocks.
     """
-    lacks, misses = _lacking(session), session.presence.apart.missing
+    lacks, misses, twice = _lacking(session), session.presence.apart.missing, doubled(session)
     apart = list(_apart(session))
-    for row in state["properties"] if lacks or misses or apart else ():
+    for row in state["properties"] if lacks or misses or twice or apart else ():
         row["caveats"] += lacks.get(row["id"], ())
         row["caveats"] += misses.get(row["id"], ())
+        row["caveats"] += twice.get(row["id"], ())
         row["caveats"] += [text for text, ids in apart if row["order"] == "publication" and row["id"] in ids]
     return state
 
