@@ -37,6 +37,19 @@ def test_what_ros_refuses_is_told_and_ends_with_2(words: list[str], said: str, t
     assert re.search(said, ended.stderr), ended.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "is_for_ros"),
+    [(["-r", "__ns:=/uav1"], True), (["-p", "use_sim_time:=true"], True), (["--monitr", "uav1"], False)],
+)
+def test_what_is_ros_s_own_is_told_to_stand_behind_ros_args(words: list[str], is_for_ros: bool, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "oracle_ros2", *words]
+    settings = environment(ROS_LOG_DIR=str(tmp_path), ROS_DOMAIN_ID="100", ROS_AUTOMATIC_DISCOVERY_RANGE="OFF")
+    ended = subprocess.run(command, env=settings, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert ended.returncode == 2, ended.stderr
+    assert f"unrecognized arguments: {' '.join(words)}" in ended.stderr
+    assert ("behind --ros-args" in ended.stderr) == is_for_ros
+
+
 def test_an_empty_name_is_none(tmp_path: Path) -> None:
     """As a launch file gives it."""
     with Scene(tmp_path) as scene:

@@ -73,10 +73,17 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     return own, for_ros
 
 
+def _is_for_ros(word: str) -> bool:
+    return word in ("-r", "-p", "--param", "--params-file", "--enclave", "--log-level") or ":=" in word
+
+
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     options = parser("oracle_ros2", "Attach this machine's ROS 2 graph to an oracle server.")
     options.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
-    given = options.parse_args(arguments)
+    given, unknown = options.parse_known_args(arguments)
+    if unknown:
+        where = "; ROS's own arguments, as -r, -p and --params-file, stand behind --ros-args"
+        options.error(f"unrecognized arguments: {' '.join(unknown)}{where if any(map(_is_for_ros, unknown)) else ''}")
     try:
         demand_one_oracle(given)
     except ValueError as error:
