@@ -58,7 +58,7 @@ streams:
 properties:
   - {id: small, formula: '{ros_action: NAME, kind: goal} -> {order < 100}', guards: [NAME]}
 """
-FOREVER = "it would come round for ever"
+FOREVER = "would come round for ever"
 
 
 def guards(folder: Path, **specs: str) -> Path:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import Dict, Iterable, List, Mapping
+from typing import Dict, Iterable, List, Mapping, Set
+
+from oracle_adapter.names import PROXY
 
 OWN = ("/diagnostics", "/rosout")
 """Where monitors tell of violations: to observe that would be to violate again, for ever."""
@@ -50,6 +52,26 @@ def doubt_text(doubtful_nodes: Mapping[str, str], speakers: Iterable[str]) -> st
     return "; ".join(
         f"{node} is taken for a monitor, as it publishes {doubtful_nodes[node]}: {said}"
         for node in sorted(doubtful_nodes.keys() & set(speakers))
+    )
+
+
+def other_origins(heard: str, given: str) -> Set[str]:
+    """Where else than from what is `given` another monitor may have what it gives as `heard`.
+
+    Of one that listens there it is not sure that it gives back what this one has `given`.
+    """
+    plain = heard[: -len(PROXY)] if heard.endswith(PROXY) else heard
+    return {heard + PROXY, plain} - {heard, given}
+
+
+def circle_text(who: Iterable[str], heard: str, given: str) -> str:
+    """What to tell of monitors that give back what is given; empty where there are none."""
+    names = " and ".join(sorted(who))
+    if not names:
+        return ""
+    return (
+        f"{names} is a monitor that hears {given} and gives {heard}: what it gives is not taken, "
+        "as it would come round for ever; judge it by one spec, or give one another name by --remap"
     )
 
 

@@ -11,7 +11,7 @@ from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
-from oracle_adapter.monitors import doubtful, errors_among
+from oracle_adapter.monitors import doubtful, errors_among, other_origins
 from rospy.impl import paramserver, registration
 
 from oracle_ros1.forgotten import Forgotten
@@ -148,6 +148,12 @@ class Graph:
         if not others or self._subscribers.get(given):
             return ""
         return f"nobody hears {given}, and past the monitor hears {heard}: {', '.join(others)}"
+
+    def giving_back(self, heard: str, given: str) -> FrozenSet[str]:
+        """The other monitors that heard what this node gives, and gave what it hears, as last read from the master."""
+        heard, given = rospy.resolve_name(heard), rospy.resolve_name(given)
+        found = self.monitors.intersection(self.publishers(heard), self.subscribers(given))
+        return found.difference(*map(self.subscribers, other_origins(heard, given)))
 
     def publishers(self, topic: str) -> List[str]:
         """The nodes but this one that published a topic when the master was last asked."""

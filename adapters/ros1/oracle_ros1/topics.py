@@ -5,13 +5,13 @@ Messages are taken as they were sent: any topic can be observed, and what is for
 
 from __future__ import annotations
 
-from typing import Dict, Optional, Tuple, Union
+from typing import Dict, FrozenSet, Optional, Tuple, Union
 
 import rospy
 from oracle_adapter import PROXY
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import Interface
-from oracle_adapter.monitors import OWN, doubt_text, refuse_own
+from oracle_adapter.monitors import OWN, circle_text, doubt_text, refuse_own
 from oracle_adapter.passing import Passing
 from oracle_adapter.unpublished import Unpublished
 
@@ -96,7 +96,8 @@ class FilteredTopic:
         self._publisher: Optional[rospy.Publisher] = None
         self._stopped = False
         self.bypass = ""
-        """Who publishes past the monitor what it forwards."""
+        """Who publishes past the monitor what it forwards, or gives it back."""
+        self._giving_back: FrozenSet[str] = frozenset()  # monitors whose messages would come again, for ever
         self._ready: Dict[int, Tuple[Header, Decoder]] = {}  # by the header's id: that of one connection
         with self._latches.lock:  # what comes at once waits for the subscriber
             if self._observed.installed:
@@ -120,7 +121,9 @@ class FilteredTopic:
         troubles += self._missing.look([self._subscriber])
         self._unreached = self._ungiven.look(self._publisher)
         self._unguarded = self._graph.unguarded(self._taken, self._given)
-        past = self._graph.past(self._given)
+        self._giving_back = self._graph.giving_back(self._taken, self._given)
+        circle = circle_text(self._giving_back, rospy.resolve_name(self._taken), rospy.resolve_name(self._given))
+        past = [*self._graph.past(self._given), *filter(None, [circle])]
         self.bypass = "; ".join(past)
         return "; ".join([*troubles, *past])
 
@@ -143,6 +146,8 @@ class FilteredTopic:
 
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
+        if header.get("callerid") in self._giving_back:
+            return
         decoder = self._prepared(header)
         if isinstance(decoder, str):
             self._observed.refuse(header_of(message), decoder)

@@ -7,23 +7,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Iterable
 
-from oracle_adapter import PROXY
-from oracle_adapter.monitors import errors_among
+from oracle_adapter.monitors import circle_text, errors_among, other_origins
 
 from oracle_ros2.endpoints import full_name, is_named
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-NOT_TAKEN = "what it gives is not taken"
-DENIED = "calls are denied"
-
 
 def topic_circle(node: Node, heard: str, given: str) -> Circle:
     """The circle of a topic that is passed on, by the names of its two sides."""
     heard, given = node.resolve_topic_name(heard), node.resolve_topic_name(given)
-    besides = {heard + PROXY, heard.removesuffix(PROXY)} - {heard, given}
-    return Circle(node, heard, given, besides)
+    return Circle(node, heard, given, other_origins(heard, given))
 
 
 def call_circle(node: Node, service: str, proxy: str) -> Circle:
@@ -67,12 +62,13 @@ class Circle:
         return any(gid.startswith(source) for gid in self._sources)
 
     def _told(self, names: Iterable[str]) -> str:
-        who = " and ".join(f"another node named {one}" if one == self._own else one for one in sorted(names))
-        if self._calls:
-            what = f"{who} is a monitor that serves {self._given} and calls {self._heard}: {DENIED}"
-        else:
-            what = f"{who} is a monitor that hears {self._given} and gives {self._heard}: {NOT_TAKEN}"
-        return f"{what}, as it would come round for ever; judge it by one spec, or give one another name by --remap"
+        who = [f"another node named {one}" if one == self._own else one for one in sorted(names)]
+        if not self._calls:
+            return circle_text(who, self._heard, self._given)
+        return (
+            f"{' and '.join(who)} is a monitor that serves {self._given} and calls {self._heard}: calls are denied, as "
+            "they would come round for ever; judge them by one spec, or give one another name by --remap"
+        )
 
     @property
     def _own(self) -> str:
