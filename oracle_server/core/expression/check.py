@@ -11,6 +11,7 @@ from typing import Any, Literal
 from oracle_server.core.expression import operands, settled, tree
 from oracle_server.core.expression.checkcalls import called
 from oracle_server.core.expression.expression import Expression
+from oracle_server.core.expression.joint import Joint
 from oracle_server.core.expression.operands import Operand
 from oracle_server.core.expression.static import (
     BOOL,
@@ -26,6 +27,7 @@ from oracle_server.core.expression.static import (
     kind,
     no_field,
     not_single,
+    result_of,
 )
 from oracle_server.core.expression.tokens import comments, place
 from oracle_server.core.expression.tree import Node
@@ -98,6 +100,7 @@ class _Checker:
         """The operands of `%`, by their identity: whole numbers, whatever is divided in them."""
         self._ends: dict[int, bool] = {}
         """The orders that are the ends of an interval, by their identity, with what they may well always come to."""
+        self._joint = Joint(lambda node: self._known.get(id(node)))
         self._rules: dict[type, Callable[[Any], Static]] = {
             tree.Literal: _literal,
             tree.Path: self._path,
@@ -216,7 +219,7 @@ class _Checker:
             self._told(node.start, operands.arithmetic(mark, left, right))
             if mark == "/":
                 self._divided(left, right, told=i >= whole)
-            left = Operand(node, self._text[node.start : part.end], _result(mark, left.static, right.static))
+            left = Operand(node, self._text[node.start : part.end], result_of(mark, left.static, right.static))
         return left.static
 
     def _divided(self, left: Operand, right: Operand, *, told: bool) -> None:
@@ -303,15 +306,20 @@ class _Checker:
 
     def _joined(self, node: tree.Joined) -> Static:
         self._ends |= {id(part): node.mark == "&&" for part in settled.ends(node, self._text)}
+        told = len(self.problems)
         for part in node.parts:
             self._told(part.start, operands.boolean(node.mark, self._operand(part)))
+        if len(self.problems) == told and (doubt := self._joint.told(node, self._snippet)) is not None:
+            self._warn(node.start, doubt)
         return BOOL
 
     def _choice(self, node: tree.Choice) -> Static:
-        found = []
+        found, told = [], len(self.problems)
         for test, value in node.cases:
             self._told(test.start, operands.boolean("?", self._operand(test)))
             found.append(self.of(value))
+        for test, doubt in self._joint.unreached(node, self._snippet) if len(self.problems) == told else ():
+            self._warn(test.start, doubt)
         last = self.of(node.otherwise)
         for each in found:
             last = common(last, each)
@@ -384,17 +392,3 @@ def _literal(node: tree.Literal) -> Static:
 def _last(marks: Sequence[str], wanted: str) -> int:
     """Where a mark stands last, 0 where it does not."""
     return max((i for i, mark in enumerate(marks) if mark == wanted), default=0)
-
-
-def _result(mark: str, one: Static, other: Static) -> Static:
-    """What is known of the result of an operation that succeeds."""
-    kinds = {kind(one), kind(other)}
-    if mark == "%" or kinds == {"whole"}:
-        return WHOLE
-    if "real" in kinds:
-        return REAL
-    if mark == "+" and kinds and kinds <= {"text", "bytes"}:
-        return TEXT
-    if mark == "+" and all(isinstance(s, Many | Elements) for s in (one, other)):
-        return Elements(common(element(one), element(other)))
-    return None

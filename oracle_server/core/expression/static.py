@@ -64,6 +64,20 @@ def common(one: Static, other: Static) -> Static:
     return None
 
 
+def result_of(mark: str, one: Static, other: Static) -> Static:
+    """What is known of the result of an operation that succeeds."""
+    kinds = {kind(one), kind(other)}
+    if mark == "%" or kinds == {"whole"}:
+        return WHOLE
+    if "real" in kinds:
+        return REAL
+    if mark == "+" and kinds and kinds <= {"text", "bytes"}:
+        return TEXT
+    if mark == "+" and all(isinstance(s, Many | Elements) for s in (one, other)):
+        return Elements(common(element(one), element(other)))
+    return None
+
+
 def described(static: Static) -> str:
     """A known value in words, as `float64` or `a list of geometry_msgs/msg/Point`."""
     match static:
