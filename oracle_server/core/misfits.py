@@ -28,7 +28,7 @@ from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import ANYTHING, Range
 from oracle_server.core.signals import is_signal
 
-Claim = Literal["never", "met", "apart", "related", "unrelated", "idle", "true", "false"]
+Claim = Literal["never", "met", "apart", "related", "unrelated", "idle", "spanned", "true", "false"]
 _FINITE = (
     "a signal is never NaN or infinite, since it then fails, and what reads it is unknown; to see it, declare a signal "
     "such as `odd: msg.x == 'NaN' || msg.x == 'Infinity'`"
@@ -45,7 +45,8 @@ class Doubt:
     `never`: the atom holds nowhere. `met`: its constraint is met wherever the signal is there. `apart`: it holds for
     no value for which another atom does that uses the variable. `related`, `unrelated`: it is a relation, which holds
     for all values of its variables, or for none. `idle`: the atom might as well be false. `true`,
-    `false`: the part does so at every event of the places that `where` names. `key` is the property's key at which it
+    `false`: the part does so at every event of the places that `where` names. `spanned`: it holds wherever its signal
+    is there. `key` is the property's key at which it
     is told, and `at` the place in the formula, where it is that.
     """
 

@@ -46,6 +46,7 @@ from oracle_server.core.kinds import NAMING
 from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.misfits import Doubt, counted, misfits
 from oracle_server.core.places import Place, names_of, places
+from oracle_server.core.spanned import spanned
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.unrelated import unrelated
@@ -128,7 +129,9 @@ class _Seen:
         yield from self._unending()
         yield from unjoined(self.prop.formula, self.places)
         yield from unrelated(self.prop.formula, self.places)
-        yield from self._settled(told)
+        settled = list(self._settled(told))
+        yield from settled
+        yield from _apart_from(settled, spanned(self.prop.formula, self.places))
         yield from self._unused_guards()
 
     def _idle(self, occurrence: Occurrence[Formula]) -> list[Place]:
@@ -216,8 +219,8 @@ class _Seen:
             if all(row) and any(value is not False for value in self.known.row(last)):
                 one, other = (render(part, self.prop.time) for part in (last, first))
                 message = (
-                    f"`{one}` ends nothing, since `{other}` holds at each of its events too, and begins anew; write "
-                    f"what begins without them, as in `{other} and not {one}`"
+                    f"`{one}` ends nothing, since `{other}` holds at each of its events too, and begins anew; "
+                    f"{_begun_apart(one, other)}"
                 )
                 yield Doubt("idle", last, message, _place(last))
 
@@ -334,6 +337,21 @@ def _with_kept(node: _Keeping, kept: Formula) -> Formula:
     if isinstance(node, Historically | Always):
         return replace(node, operand=kept, written=None)
     return replace(node, left=kept, written=None)
+
+
+def _apart_from(told: Sequence[Doubt], found: Iterator[Doubt]) -> Iterator[Doubt]:
+    """What was found of parts of which nothing was told."""
+    within = {id(node) for doubt in told for node in walk(doubt.part)}
+    yield from (doubt for doubt in found if not within & {id(node) for node in walk(doubt.part)})
+
+
+def _begun_apart(last: str, first: str) -> str:
+    """How what begins is written so that what ends it does not begin it too."""
+    if last == first:
+        return (
+            "say by its signals which of these events begins and which one ends, as by `{on: true}` and `{on: false}`"
+        )
+    return f"write what begins without them, as in `{first} and not {last}`"
 
 
 def _place(node: Formula) -> Position:

@@ -169,6 +169,13 @@ def holds(doubt: Doubt, prop: Property, steps: list[TimedSignals], names: list[s
             return met(doubt.part, steps)
         case "apart":
             return apart(doubt.part, prop.formula, steps)
+        case "spanned":
+            one, _ = tree.children(doubt.part)
+            assert isinstance(one, Atom)
+            there = Atom(
+                tuple(c if c.key in RESERVED else replace(c, op="==", value=tree.Any.ANY) for c in one.constraints)
+            )
+            return all(held or not here for held, here in zip(of(doubt.part), of(there), strict=True))
         case "idle":
             return of(without(prop.formula, doubt.part)) == of(prop.formula)
         case _:

@@ -362,3 +362,33 @@ def test_what_begins_with_each_event_that_ends_it_is_told(formula: str, last: st
     found = [each.message for each in warnings(formula) if "ends nothing" in each.message]
     assert len(found) == (last is not None)
     assert all(last in each for each in found if last)
+
+
+def test_a_scope_that_begins_and_ends_with_the_same_event_is_told_to_tell_them_apart() -> None:
+    (found,) = warnings('{cmd: 0} -> not {topic: "/battery"} since {topic: "/battery"}')
+    assert '`{topic: "/battery"}` ends nothing' in found.message
+    assert "and not" not in found.message
+    assert "which of these events begins and which one ends" in found.message
+
+
+@pytest.mark.parametrize(
+    ("formula", "either"),
+    [
+        ('{cmd: 0} or {mode != "IDLE"} or {mode != "AUTO"}', '{mode != "IDLE"} or {mode != "AUTO"}'),
+        ('{topic: "/estop"} -> {id != "a"} or {id != "b"}', '{id != "a"} or {id != "b"}'),
+        ('{topic: "/battery"} -> {level != 1} or {level != 2}', "{level != 1} or {level != 2}"),
+        ('{topic: "/battery", level != 1} or {topic: "/battery", level != 2}', '{topic: "/battery", level != 1} or'),
+        ('{topic: "/estop"} -> {stopped != true} or {stopped != false}', "{stopped != true} or {stopped != false}"),
+        ("{stopped: *} -> {stopped != true} or {stopped != false}", None),
+        ("{percent: *} -> {level != 1} and {level != 2}", None),
+        ("{percent: *} -> {level != 1} or {percent != 1}", None),
+        ("{percent: *} -> {level < 1} or {level > 2}", None),
+        ("{percent: *} -> {level < 3} or {level > 2}", None),
+        ("{stopped: *} -> {stopped} or {stopped: false}", None),
+        ('{topic: "/cmd_vel"} -> {level != 1} or not {level != 2}', None),
+    ],
+)  # fmt: skip
+def test_alternatives_of_which_one_always_holds_are_told(formula: str, either: str | None) -> None:
+    found = [each.message for each in warnings(formula) if "holds for every value" in each.message]
+    assert len(found) == (either is not None)
+    assert all(f"`{either}" in each for each in found)
