@@ -71,7 +71,7 @@ def test_each_scope_condition_and_timing_is_what_the_same_requirement_written_he
         "robot shall always satisfy if c r",
         "robot shall always satisfy if c => m then r => s",
         "when x > 5 + 1 robot shall always satisfy r",
-        "when m xor c robot shall always satisfy r",
+        "robot shall always satisfy m => c <=> r",
         "robot shall always satisfy persisted(3, r)",
         "robot shall after 3 seconds satisfy r",
         "robot shall always satisfy nowhere",
@@ -238,3 +238,9 @@ def test_the_command(tmp_path: Path) -> None:
 
 def test_the_command_wants_one_source() -> None:
     assert "one of these is wanted" in failed("import")
+
+
+def test_equivalence_and_exclusive_or_are_imported(tmp_path: Path) -> None:
+    text = imported(tmp_path, "when m xor c robot shall always satisfy r <=> x > 5")
+    assert '"when {m} xor {c} robot shall always satisfy {r} <=> {x > 5}"' in text
+    parse_spec(text, "spec.yaml")

@@ -315,3 +315,29 @@ def test_what_is_asked_of_the_beginning_alone_is_told_of(pattern: str, time: str
     found = [each.message for each in parse_spec(spec_of(f"pattern: '{pattern}'"), "s.yaml").warnings]
     says = "pattern of 'p': it says nothing of what comes later than"
     assert [each.split(" after")[0] for each in found if says in each] == ([f"{says} {time}"] if time else [])
+
+
+@pytest.mark.parametrize(
+    ("response", "same"),
+    [
+        ("low <=> docking", "(low => docking) & (docking => low)"),
+        ("low | auto <-> docking & auto", "(low | auto => docking & auto) & (docking & auto => low | auto)"),
+        ("(low <=> docking) => auto", "((low => docking) & (docking => low)) => auto"),
+        ("low xor docking", "low & !docking | !low & docking"),
+        ("low XOR docking & auto", "low & !(docking & auto) | !low & (docking & auto)"),
+        (
+            "low xor docking xor auto",
+            "(low & !docking | !low & docking) & !auto | !(low & !docking | !low & docking) & auto",
+        ),
+        ("low | docking xor auto => low", "((low | docking) & !auto | !(low | docking) & auto) => low"),
+    ],
+)
+def test_equivalence_and_exclusive_or_are_what_they_stand_for(response: str, same: str) -> None:
+    one, other = (formula_of(f"requirement: 'the robot shall always satisfy {each}'") for each in (response, same))
+    assert one == other
+
+
+@pytest.mark.parametrize("response", ["low <=> docking <=> auto", "low => docking <=> auto", "low <=> docking => auto"])
+def test_how_an_equivalence_is_grouped_is_not_guessed(response: str) -> None:
+    told = refusal_of(f"requirement: 'the robot shall always satisfy {response}'")
+    assert "`<=>` is grouped with others is not said: put one of them in parentheses" in told

@@ -211,7 +211,7 @@ def _response(reader: Reader) -> Formula:
 
 
 def _either(reader: Reader) -> Formula:
-    """Names and atoms joined as in FRETish, in its words or ours: `!` before `&` before `|` before `=>` before `if`."""
+    """Names and atoms joined as in FRETish, in its words or ours: `!`, `&`, `|` or `xor`, `=>` or `<=>`, `if`."""
     conditions = []
     while "if" not in reader.names.known and reader.word("if"):
         conditions.append(_implied(reader))
@@ -227,8 +227,13 @@ def _implied(reader: Reader) -> Formula:
     parts = [_disjunction(reader)]
     while reader.word("=>", "->", "implies"):
         parts.append(_disjunction(reader))
-    if reader.next.text in ("<=>", "<->", "xor"):
-        reader.refuse(f"{reader.shown()} is not taken; write both directions, as `(a => b) & (b => a)`")
+    mark = reader.word("<=>", "<->")
+    if mark is not None:
+        parts.append(_disjunction(reader))
+        if len(parts) > 2 or reader.next.text in ("=>", "->", "implies", "<=>", "<->"):
+            reader.refuse(f"how `{mark.text}` is grouped with others is not said: put one of them in parentheses", mark)
+        one, other = parts
+        return And(Implies(one, other), Implies(other, one))
     found = parts.pop()
     while parts:
         found = Implies(parts.pop(), found)
@@ -237,8 +242,10 @@ def _implied(reader: Reader) -> Formula:
 
 def _disjunction(reader: Reader) -> Formula:
     found = _conjunction(reader)
-    while reader.word("|", "||", "or"):
-        found = Or(found, _conjunction(reader))
+    while mark := reader.word("|", "||", "or", "xor"):
+        other = _conjunction(reader)
+        apart = mark.text.lower() == "xor"
+        found = Or(And(found, Not(other)), And(Not(found), other)) if apart else Or(found, other)
     return found
 
 

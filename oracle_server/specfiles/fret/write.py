@@ -136,7 +136,11 @@ def _read(was: Requirement, name: str, known: frozenset[str], constants: Mapping
         return _Read(name, was, "", (), f"{strange!r} in a sentence is not taken")
     if len(re.findall("[=-]>", was.text)) > 1:
         return _Read(
-            name, was, "", (), "how several `=>` are grouped is not said: put them in requirements of their own"
+            name,
+            was,
+            "",
+            (),
+            "how several `=>` or `<=>` are grouped is not said: put them in requirements of their own",
         )
     words = dict.fromkeys(_NAME.findall(was.text))
     names = tuple(word for word in words if word in known)
