@@ -353,6 +353,8 @@ class _Checker:
         if node.kind != "map":
             self._told(node.body.start, operands.boolean(node.kind, body))
         self._variables.pop()
+        if (doubt := settled.unread(node, body.text)) is not None:
+            self._warn(node.body.start, doubt)
         if node.kind == "map":
             return Elements(body.static)
         return Elements(each) if node.kind == "filter" else BOOL

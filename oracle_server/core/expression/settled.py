@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 
 from oracle_server.core.expression.operands import Operand
 from oracle_server.core.expression.static import NOT_FINITE, is_number, kind
-from oracle_server.core.expression.tree import Call, Compare, Joined, Literal, Node
+from oracle_server.core.expression.tree import Call, Chain, Compare, Joined, Literal, Loop, Node, Variable, walk
 from oracle_server.core.shapes import WHOLE_NUMBERS, Value
 
 _FLIPPED = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}
@@ -86,16 +87,23 @@ def _untrimmed(node: Node) -> Node:
     return node
 
 
-def _by_range(mark: str, one: Operand, number: float) -> Settled | None:
-    if isinstance(one.node, Call) and one.node.name == "size":
-        least, most, what = 0, 2**63, "is always a whole number that is not negative"
-    elif isinstance(one.static, Value) and one.static.kind == "whole" and one.static.type in WHOLE_NUMBERS:
-        least, most = WHOLE_NUMBERS[one.static.type]
-        what = f"is {one.static.type}, always a whole number from {least} to {most}"
-    else:
+def unread(node: Loop, body: str) -> str | None:
+    """What is said of a comprehension that asks the same of each element; None where it reads the element."""
+    read = {
+        part.name for under in (node.body, node.when) if under for part in walk(under) if isinstance(part, Variable)
+    }
+    if node.variable in read or isinstance(node.body, Literal):
         return None
+    return f"`{body}` reads nothing of `{node.variable}`, so that `{node.kind}` asks the same of each element"
+
+
+def _by_range(mark: str, one: Operand, number: float) -> Settled | None:
+    found = _bounds(one)
+    if found is None:
+        return None
+    least, most, is_whole, what = found
     never = {
-        "==": not least <= number <= most or number != int(number),
+        "==": not least <= number <= most or (is_whole and number != int(number)),
         "<": least >= number, "<=": least > number, ">": most <= number, ">=": most < number,
     }  # fmt: skip
     always = {
@@ -105,3 +113,19 @@ def _by_range(mark: str, one: Operand, number: float) -> Settled | None:
     if never.get(mark):
         return False, f"`{one.text}` {what}"
     return (True, f"`{one.text}` {what}") if always.get(mark) else None
+
+
+def _bounds(one: Operand) -> tuple[float, float, bool, str] | None:
+    """The least and the largest value of a part, whether it is a whole number, and this in words."""
+    match one.node:
+        case Call(name="size"):
+            return 0, 2**63, True, "is always a whole number that is not negative"
+        case Call(name="abs" | "sqrt"):
+            return 0, inf, False, "is never negative"
+        case Chain(rest=[*_, ("%", Literal(int(by)))]) if by:
+            most = abs(by) - 1
+            return -most, most, True, f"is what is left of a division by {by}, and at most {most}"
+    if isinstance(one.static, Value) and one.static.kind == "whole" and one.static.type in WHOLE_NUMBERS:
+        least, largest = WHOLE_NUMBERS[one.static.type]
+        return least, largest, True, f"is {one.static.type}, always a whole number from {least} to {largest}"
+    return None
