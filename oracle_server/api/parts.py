@@ -54,7 +54,9 @@ class PartsModel(BaseModel):
     at: int = Field(
         description="The index of the verdict's step; of the one before, where only other properties were judged"
     )
-    times: list[int] = Field(description="Of the steps (ns): when they were published")
+    times: list[int] = Field(
+        description="Of the steps (ns): when they were published; of what is skewed, when it arrived"
+    )
     numbers: list[int] = Field(description="The verdict `n` of the property at each step")
     steps: list[int | None] = Field(description="Their numbers; null where they have none")
     outcomes: list[tuple[int, str]] = Field(description="The outcome from the step at an index on")

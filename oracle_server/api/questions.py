@@ -22,7 +22,10 @@ def _none() -> list[str]:
 
 _REPEATABLE = frozenset(("outcome", "part", "property", "signal"))
 _BELOW = 2**63
-Nanoseconds = Annotated[int | None, Query(ge=0, lt=_BELOW, description="A publication time in ns, included")]
+Nanoseconds = Annotated[
+    int | None,
+    Query(ge=0, lt=_BELOW, description="A publication time in ns, included; of what is skewed its arrival counts"),
+]
 Number = Annotated[
     int, Query(ge=0, lt=_BELOW, description="The `n` of the last record that was read; records after it follow")
 ]

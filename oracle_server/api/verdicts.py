@@ -60,7 +60,7 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
     async def list_verdicts(
         request: Request, session_id: str, question: Annotated[Question, Depends(paged)], outcome: Outcomes
     ) -> Response:
-        """List verdict records; `since` and `until` bound the publication time in nanoseconds."""
+        """List verdict records; `since` and `until` bound the publication time in ns (if `skewed`, the arrival)."""
         return await page(request, session_id, replace(question, outcomes=frozenset(outcome)))
 
     @routes.get("/sessions/{session_id}/violations", response_model=RecordPage)

@@ -4,7 +4,7 @@ import { at } from "./address.js";
 import { get, of } from "./api.js";
 import { h, Place, rove, UP_AND_DOWN } from "./dom.js";
 import { lasted, worstOf } from "./episodes.js";
-import { moment, span } from "./words.js";
+import { moment, ordered, span } from "./words.js";
 
 const LIMIT = 100; // episodes that are looked at
 const SHOWN = 5;
@@ -31,7 +31,8 @@ export function beforeView(id) {
 }
 
 /** The episodes of a property that began before a verdict, but for the one that it is in: `here`, and in `others`. */
-async function before(id, { n, property, stamp }, clock, spec) {
+async function before(id, record, clock, spec) {
+  const [{ n, property }, stamp] = [record, ordered(record)];
   const query = { property, until: stamp, order: "desc", limit: LIMIT };
   const none = { items: [], next: null };
   const [own, all] = await Promise.all([get(of(id, "episodes"), query), clock === "sim" ? none : get("episodes", query)]); // simulated times are others
@@ -46,7 +47,8 @@ function number({ found, more }) {
   return more ? (found.length ? `${found.length} or more` : "it is not known how many") : found.length || "none";
 }
 
-function listed(id, { property, stamp }, clock, { here, others }) {
+function listed(id, record, clock, { here, others }) {
+  const [{ property }, stamp] = [record, ordered(record)];
   const found = [...here.found, ...others.found].sort((one, other) => (BigInt(one.began) < BigInt(other.began) ? 1 : -1));
   const known = found.length || here.more || others.more;
   const ago = (time) => `${span(BigInt(stamp) - BigInt(time))} before`;

@@ -4,7 +4,7 @@ import { at } from "./address.js";
 import { get, of, Problem } from "./api.js";
 import { h, rove, svg, TO_AND_FRO } from "./dom.js";
 import { offset, rowsOf, sentence } from "./lifelines.js";
-import { counted, moment } from "./words.js";
+import { counted, moment, ordered } from "./words.js";
 
 const LIMIT = 16;
 const [TIMES, APART, EDGE] = [48, 64, 36]; // pixels: for times, between lifelines, and beside the outer ones
@@ -77,7 +77,7 @@ export function diagramView(id) {
   function draw(kept = -1) {
     if (!answer || !body.clientWidth) return;
     const focused = body.contains(document.activeElement);
-    const drawn = drawing(answer.items, BigInt(record.stamp), body.clientWidth);
+    const drawn = drawing(answer.items, BigInt(ordered(record)), body.clientWidth);
     body.replaceChildren(answer.items.length ? drawn : h("p", { class: "hint" }, "Nothing that concerns it is near."));
     if (kept >= 0) stops().forEach((link, i) => link.setAttribute("tabindex", i === kept ? 0 : -1));
     if (focused) stops().find(isStop)?.focus({ preventScroll: true });
@@ -92,7 +92,7 @@ export function diagramView(id) {
     const y = rows.map((each) => (below += ROW + (each.gap ? GAP : 0)) - 8);
     const height = below + 12;
     const first = Math.max(0, rows.findIndex(({ item }) => item === items[row]));
-    return svg("svg", { class: "diagram", width, height, viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": `Events by time, ms from ${moment(record.stamp, clock)}; arrow keys go from one to the next` },
+    return svg("svg", { class: "diagram", width, height, viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": `Events by time, ms from ${moment(ordered(record), clock)}; arrow keys go from one to the next` },
       lifelines.map((each) => lifeline(each, x[each.key], height, apart)),
       calls.map(({ stream, from, to }, i) => x[stream] && svg("rect", { class: "call", x: x[stream] - 3 + 3 * (i % 2), y: y[from], width: 6, height: Math.max(4, y[to] - y[from]) })).filter(Boolean),
       holds(rows, x, y),

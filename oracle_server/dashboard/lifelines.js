@@ -1,6 +1,6 @@
 // What a sequence diagram shows of events: who they are between, in which rows, and in which words.
 
-import { awaited, span, stream, waiting } from "./words.js";
+import { awaited, ordered, span, stream, waiting } from "./words.js";
 
 const BACK = new Set(["response", "reply", "feedback", "result", "status"]); // from who serves to who asked
 const BEGINS = { request: "response", goal: "result" };
@@ -17,7 +17,7 @@ export function rowsOf(items, origin) {
 }
 
 function messageOf(item, origin) {
-  const at = Number(BigInt(item.stamp) - origin);
+  const at = Number(BigInt(ordered(item)) - origin);
   if (item.kind === "tick") return { what: "deadline", item, at, label: failing(item) || "deadline" };
   const { from, to } = endsOf(item);
   const stops = item.asked || (item.kind === "topic" && item.source) || from === to;
@@ -27,7 +27,7 @@ function messageOf(item, origin) {
 /** What became of an event that was asked about: a row of its own, once it was decided. */
 function decisionOf(item, origin) {
   if (!item.asked || !item.decision) return null;
-  const sent = Number(BigInt(item.stamp) - origin);
+  const sent = Number(BigInt(ordered(item)) - origin);
   const decided = sent + Number(item.held ?? 0); // by the clock of its stamp, which need not be the server's
   const held = (item.held ?? 0) < 1e6 ? "" : `, held ${span(item.held)}${item.waited.length ? ` by ${awaited(item)}` : ""}`;
   const denied = item.decision === "deny";

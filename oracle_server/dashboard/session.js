@@ -13,7 +13,7 @@ import { recordedNotes } from "./recorded.js";
 import { timelineView } from "./timeline.js";
 import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
-import { badge, byGravity, count, counted, life, moment, place, span, stream } from "./words.js";
+import { badge, byGravity, count, counted, life, moment, ordered, place, span, stream } from "./words.js";
 
 const TROUBLES = 3; // streams of which it is said at the head what is wrong with them
 const UNKNOWN = { formulas: {}, thresholds: [] }; // of a spec
@@ -89,7 +89,7 @@ export function sessionView(address, again, anew) {
     chart.witness(steps);
     if (!record?.computing || record.property) timeline.blame((record?.waited ?? []).map((each) => stream(each.stream, each.kind)));
     if (!record) timeline.pin(null);
-    else if (record.stamp !== undefined) timeline.pin(record.stamp);
+    else if (record.stamp !== undefined) timeline.pin(ordered(record));
   }
 
   /** Choose a verdict of a property, or the gravest of all: a violation from `since` to `until` (ns), else the last one. */
@@ -100,7 +100,7 @@ export function sessionView(address, again, anew) {
     const others = violation ? [] : await items(of(id, "verdicts"), { ...of_it, until, order: "desc", limit });
     const [found] = [violation, ...others].filter(Boolean).sort((one, other) => byGravity(one.outcome, other.outcome));
     if (!found) return;
-    timeline.pin(found.stamp);
+    timeline.pin(ordered(found));
     show(found.n);
   }
 

@@ -29,6 +29,11 @@ export function moment(nanoseconds, clock = "wall") {
   return `${day(date)}${date.toTimeString().slice(0, 8)}.${String(date.getMilliseconds()).padStart(3, "0")}`;
 }
 
+/** Where an event stands in the order of publication (ns): a stamp too far ahead does not count, but its arrival. */
+export function ordered({ stamp, arrived, skewed }) {
+  return skewed ? arrived : stamp;
+}
+
 /** The text of a step: its number, which a deadline has not, and its time. */
 export function place(number, stamp, clock) {
   return `${number === null ? "" : `step ${number}, `}${moment(stamp, clock)}`;

@@ -18,6 +18,8 @@ _LAST = 2**62
 class Query:
     """Which records are wanted; `since` and `until` bound the publication time (ns, both included).
 
+    What is skewed counts as published when it arrived, where it stands in the order.
+
     `after` is the `n` of the last record seen: the answer goes on behind it, in the direction of `order`. `follows`:
     revisions are wanted too where the view is of what stands, as it is known already what stood before them.
     """
@@ -57,8 +59,8 @@ class Query:
             told = tuple([change.outcome for change in step.revision.changes if change is not None])
         return (
             (self.stream is None or step.step.event.stream.name == self.stream)
-            and (self.since is None or step.step.stamp >= self.since)
-            and (self.until is None or step.step.stamp <= self.until)
+            and (self.since is None or step.step.time >= self.since)
+            and (self.until is None or step.step.time <= self.until)
             and (not self.violations or step.tells_violations)
             and (not self.outcomes or not self.outcomes.isdisjoint(told))
             and (self.revisions or step.revision is None)

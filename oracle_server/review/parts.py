@@ -181,7 +181,7 @@ def _record(found: Found, looked: Looked, around: Around) -> PartsRecord:
         "order": looked.target.order,
         "formula": prop.text,
         "at": found.at,
-        "times": [step.step.stamp for step in steps],
+        "times": [step.step.time for step in steps],
         "numbers": [(step.position - 1) * width + index + 1 for step in steps],
         "steps": [step.number for step in steps],
         "outcomes": _runs([each.outcome.value for each in seen]),

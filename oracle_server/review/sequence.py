@@ -157,7 +157,7 @@ async def _position_at(history: Reading, session: int, time: int, kept: range) -
     while low < high:
         middle = (low + high) // 2
         step = await history.step(session, middle)
-        if step is not None and step.step.stamp >= time:
+        if step is not None and step.step.time >= time:
             high = middle
         else:
             low = middle + 1

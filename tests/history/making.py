@@ -39,6 +39,7 @@ def step(
     decision: Decision | None = None,
     violated: Sequence[int] = (),
     number: int | None = 0,
+    skewed: bool = False,
 ) -> StoredStep:
     """A step; where nothing else is named, its numbers follow from its position."""
     tick = kind == "tick"
@@ -48,7 +49,7 @@ def step(
         ask=decision is not None,
     )  # fmt: skip
     assert event.stamp is not None
-    made = Step(event, {"v": position}, frozenset(), event.stamp, skipped=number is None)
+    made = Step(event, {"v": position}, frozenset(), event.stamp, skewed, skipped=number is None)
     explanations: dict[int, ExplanationRecord] = {i: explanation(made, PROPERTIES[i]) for i in violated}
     return StoredStep(
         position, "publication", position if number == 0 else number, made, 0, 100 * position, decision,
@@ -86,14 +87,15 @@ def asked_for(found: Sequence[VerdictRecord], query: Query) -> list[VerdictRecor
     wanted = []
     for record in found:
         n = record["n"]
+        time = record["arrived"] if record["skewed"] else record["stamp"]
         behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
         if (
             behind
             and (not query.properties or record["property"] in query.properties)
             and (not query.outcomes or record["outcome"] in query.outcomes)
             and (query.stream is None or record["stream"] == query.stream)
-            and (query.since is None or record["stamp"] >= query.since)
-            and (query.until is None or record["stamp"] <= query.until)
+            and (query.since is None or time >= query.since)
+            and (query.until is None or time <= query.until)
             and (not query.violations or record["violation"] or record.get("retracted", False))
         ):
             wanted.append(record)
@@ -137,6 +139,7 @@ def some_steps(draw: st.DrawFn) -> list[StoredStep]:
             decision=draw(DECISIONS),
             violated=sorted(draw(st.sets(st.sampled_from([0, 1])))),
             number=draw(st.sampled_from([None, 0])),
+            skewed=draw(st.booleans()),
         )
         for position in range(1, count + 1)
     ]

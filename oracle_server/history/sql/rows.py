@@ -35,6 +35,8 @@ _UNNAMED: tuple[frozenset[str], tuple[Source, ...]] = frozenset(), ()
 _UNREVISED: Mapping[int, int] = {}
 _PLAIN = (None,) * 5
 """The columns of a step that was not revised."""
+_TIME = "CASE WHEN skewed <> 0 THEN arrived ELSE stamp END"
+"""Where a step stands in the order of publication, as `Step.time`."""
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.decode
@@ -189,9 +191,9 @@ def conditions(session: int, query: Query, lower: int, upper: int) -> tuple[str,
     if query.stream is not None:
         wanted.append(("stream = ?", query.stream))
     if query.since is not None:
-        wanted.append(("stamp >= ?", query.since))
+        wanted.append((f"{_TIME} >= ?", query.since))
     if query.until is not None:
-        wanted.append(("stamp <= ?", query.until))
+        wanted.append((f"{_TIME} <= ?", query.until))
     if query.outcomes:
         column = "coalesce(standing, outcomes)" if query.view == "standing" else "outcomes"
         wanted.append((f"{column} GLOB '*' || ? || '*'", f"[{''.join(sorted(LETTERS[o] for o in query.outcomes))}]"))
