@@ -5,7 +5,7 @@ import { get } from "./api.js";
 import { now } from "./clock.js";
 import { h, Place, rove, table, TO_AND_FRO, UP_AND_DOWN, wide } from "./dom.js";
 import { lasted, reasonOf, worstOf } from "./episodes.js";
-import { counted, moment, span } from "./words.js";
+import { counted, moment, span, zone } from "./words.js";
 
 const DAY = 86_400_000; // ms
 const [BARS, FEW] = [96, 48]; // on a wide page, and on a narrow one
@@ -71,7 +71,7 @@ export function dayView(changed) {
     settle();
     if (focused) bars.querySelector(`[data-at="${focused}"]`)?.focus();
     const until = bins.at(-1).at + width;
-    ends.replaceChildren(...[4, 3, 2, 1].map((quarter) => h("span", {}, clock(until - (quarter / 4) * DAY))), h("span", {}, "now"));
+    ends.replaceChildren(...[4, 3, 2, 1].map((quarter) => h("span", {}, clock(until - (quarter / 4) * DAY))), h("span", {}, `now, ${zone(now() * 1e6)}`));
   }
 
   return { node, list: list.node, refresh, show };

@@ -4,6 +4,7 @@ import { paintDecisions, paintLane, paintSignal, paintStream } from "./painting.
 import { lasted } from "./episodes.js";
 import { counted, mark, moment, span } from "./words.js";
 
+const SELDOM = 0.1; // Hz: what comes less often would be told as 0.0
 const LARGE = 1e9; // a number that has as many digits as there is room for
 const MOODS = { true: "good", currently_true: "good", false: "bad", currently_false: "bad", unknown: "unsure" };
 
@@ -108,6 +109,7 @@ function valueOf(rate, isAwaited) {
 function rate(total, seconds) {
   if (total < 3) return `${total} in view`;
   const hertz = total / seconds;
+  if (hertz < SELDOM) return `every ${span((seconds / total) * 1e9)}`;
   return `${hertz < 10 ? hertz.toFixed(1) : Math.round(hertz)} Hz`;
 }
 

@@ -1,7 +1,7 @@
 // The buttons above the timeline, what part of the session is in view in words, and the map of its keys.
 
 import { h, rove, TO_AND_FRO } from "./dom.js";
-import { moment } from "./words.js";
+import { stretch } from "./words.js";
 
 const SPANS = [["10 s", 10e9], ["60 s", 60e9], ["10 min", 600e9]];
 const KEYS = [
@@ -33,7 +33,7 @@ export function toolbar(window, step) {
     for (const [span, button] of spans) button.setAttribute("aria-pressed", String(Math.abs(until - since - span) < 1e6));
     live.setAttribute("aria-pressed", String(follows));
     live.textContent = !attached ? "Newest" : follows ? "Live" : "Go live";
-    shown.textContent = `${moment(window.time(since), clock)} to ${moment(window.time(until), clock)}`;
+    shown.textContent = stretch(window.time(since), window.time(until), clock);
   }
 
   return { node, show };

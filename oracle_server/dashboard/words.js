@@ -29,6 +29,21 @@ export function moment(nanoseconds, clock = "wall") {
   return `${day(date)}${date.toTimeString().slice(0, 8)}.${String(date.getMilliseconds()).padStart(3, "0")}`;
 }
 
+/** The time zone in which a time (ns) is told here, as UTC+1: explanations tell theirs in UTC. */
+export function zone(nanoseconds) {
+  const ahead = -new Date(Number(nanoseconds) / 1e6).getTimezoneOffset();
+  const [hours, minutes] = [Math.floor(Math.abs(ahead) / 60), Math.abs(ahead) % 60];
+  return ahead ? `UTC${ahead < 0 ? "-" : "+"}${hours}${minutes ? `:${String(minutes).padStart(2, "0")}` : ""}` : "UTC";
+}
+
+/** The text of the time (ns) from one to another, with the time zone, or both where clocks are set meanwhile. */
+export function stretch(since, until, clock) {
+  const [from, to] = [since, until].map((time) => moment(time, clock));
+  if (clock === "sim") return `${from} to ${to}`;
+  const [before, after] = [zone(since), zone(until)];
+  return before === after ? `${from} to ${to}, ${after}` : `${from}, ${before} to ${to}, ${after}`;
+}
+
 /** Where an event stands in the order of publication (ns): a stamp too far ahead does not count, but its arrival. */
 export function ordered({ stamp, arrived, skewed }) {
   return skewed ? arrived : stamp;

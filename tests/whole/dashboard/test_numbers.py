@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from playwright.async_api import Page, expect
 
 from tests.whole.client import attached, make_event, make_events
@@ -48,3 +50,13 @@ async def test_of_numbers_that_are_drawn_as_one_point_the_least_and_the_greatest
         await monitor.acked(3)
         await page.goto(f"{server.url}/#/sessions/{session}")
         await expect(page.locator(".lane.signal .value")).to_have_text("0.5 to 3")
+
+
+async def test_a_stream_that_speaks_seldom_is_not_told_as_silent(server: Server, session: str, page: Page) -> None:
+    """One message in 30 s was 0.0 Hz."""
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_events(*(make_event(i, at=i * 30_000, data={"v": 1}) for i in range(1, 121))))
+        await monitor.acked(120)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await page.locator(".time").get_by_role("button", name="All", exact=True).click()
+        await expect(page.locator(".lane.stream .value")).to_have_text(re.compile(r"^every (29|30)\.\d s$"))
