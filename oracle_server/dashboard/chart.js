@@ -8,6 +8,7 @@ import { event, mark, stream } from "./words.js";
 const STEPS = 60;
 const BEFORE = 0.5; // the share of the steps that are shown before the chosen one
 const MOST = 1000; // records in one answer
+const LONG = 18; // characters of a name, from which on it may need several lines
 
 /** A view of the newest steps, or of those around verdict `n`; `witness` marks the steps that explain it. */
 export function chartView(id, n) {
@@ -92,7 +93,7 @@ function drawn({ id, n, order, orders, properties, witnesses, columns }, choose)
       : h("p", { class: "hint" }, properties.length ? "Nothing was judged yet." : "Which properties it judges is not known, so that its steps are not shown.");
   }
   const explains = (each) => witnesses.includes(each.step) && "witness";
-  const row = (name, cells) => h("tr", {}, h("th", { scope: "row", title: name }, name), cells);
+  const row = (name, cells) => h("tr", {}, h("th", { scope: "row", class: name.length > LONG && "long", title: name }, name), cells);
   const head = columns.map((each) => h("th", { scope: "col", class: explains(each) }, number(each)));
   const lanes = [...new Set(columns.map(lane))].sort();
   const events = lanes.map((name) => row(name, columns.map((each) =>

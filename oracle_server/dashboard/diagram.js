@@ -134,7 +134,7 @@ function lifeline({ key, name, hint }, x, height, apart) {
   const most = Math.floor(apart / CHARACTER);
   return svg("g", { class: `lifeline ${key.split(" ")[0]}` },
     svg("title", {}, `${name}: ${hint}`),
-    svg("text", { x, y: 14 }, cut(name, most)), svg("text", { class: "hint", x, y: 28 }, cut(hint, most)),
+    svg("text", { x, y: 14 }, within(name, most)), svg("text", { class: "hint", x, y: 28 }, cut(hint, most)),
     svg("line", { x1: x, x2: x, y1: 34, y2: height }));
 }
 
@@ -168,6 +168,12 @@ function deadline({ label }, y, width) {
     svg("line", { class: "way", x1: TIMES, x2: width, y1: y, y2: y }),
     svg("text", { class: "label", x: (TIMES + width) / 2, y: y - 5 }, cut(label, Math.floor((width - TIMES) / CHARACTER))),
   ];
+}
+
+/** A name cut in its middle: long ones often differ at their ends. */
+function within(name, most) {
+  const tail = Math.ceil((2 * most) / 3);
+  return name.length > most ? `${name.slice(0, Math.max(1, most - tail - 1))}…${name.slice(-tail)}` : name;
 }
 
 function cut(text, most) {

@@ -11,6 +11,14 @@ export function h(name, attributes = {}, ...children) {
   return node;
 }
 
+const [LONG, TAIL] = [20, 10]; // characters of a name: of a longer one its end is always seen
+
+/** A name that is cut in its middle where there is too little room, since long names often differ at their ends. */
+export function named(text) {
+  if (text.length <= LONG) return text;
+  return h("span", { class: "named" }, h("span", {}, text.slice(0, -TAIL)), h("span", {}, text.slice(-TAIL)));
+}
+
 /** The attributes of an element that scrolls sideways where its table is too wide, by keys too. */
 export function wide(name) {
   return { class: "wide", tabindex: 0, role: "region", "aria-label": name };

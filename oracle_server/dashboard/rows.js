@@ -1,6 +1,6 @@
 // The rows of the timeline as elements: one stop of the Tab key, from which arrow keys go; what holds is folded.
 
-import { h, Place } from "./dom.js";
+import { h, named, Place } from "./dom.js";
 
 const MANY = 8; // properties, from which on those that hold are folded
 
@@ -47,7 +47,7 @@ export function rowsView(explain, changed) {
     const button = h("button", {
       title, tabindex: -1, "data-row": key, "aria-expanded": expanded === undefined ? null : String(expanded),
       onclick: act ?? (() => explain(shown.find((each) => each.key === key))),
-    }, name);
+    }, named(name));
     return lane(button, canvas, group);
   }
 

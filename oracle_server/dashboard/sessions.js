@@ -146,7 +146,7 @@ function from({ origin }) {
 
 /** A time without its milliseconds. */
 function brief(text) {
-  return text.replace(/\.\d{3}$/, "");
+  return text.replace(/(:\d\d)\.\d{3}/, "$1");
 }
 
 /** The last hour of a session: when it was open, and its episodes. */
