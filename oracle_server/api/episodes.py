@@ -12,7 +12,7 @@ from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
 
 from oracle_server.api.beginnings import episode_events
-from oracle_server.api.known import covered, demand_properties, demand_session
+from oracle_server.api.known import KeptFrom, covered, demand_properties, demand_session, kept_from
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
 from oracle_server.api.questions import Origin, Properties, demand_span
@@ -21,6 +21,7 @@ from oracle_server.edge.access import grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.episodes import Cursor, EpisodeQuery
 from oracle_server.history.port import History
+from oracle_server.history.records import SessionRecord
 from oracle_server.sessions.elsewhere import OtherServerError
 from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode_bytes
@@ -55,6 +56,12 @@ class EpisodePage(BaseModel):
     next: str | None = Field(description="The `after` of the following page; null where there are no more")
 
 
+class SessionEpisodePage(EpisodePage):
+    """A page of a session's episodes: one that ended before the first verdict that is kept is not kept, either."""
+
+    kept_from: KeptFrom
+
+
 def wanted(
     property: Properties,  # noqa: A002 -- the contract's word
     since: Annotated[Time, Query(description="Those that were not over before this time in ns")] = None,
@@ -76,9 +83,11 @@ def router(registry: Registry, history: History) -> APIRouter:
     """The routes of episodes."""
     routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
 
-    async def page(request: Request, query: EpisodeQuery) -> Response:
+    async def page(request: Request, query: EpisodeQuery, known: SessionRecord | None = None) -> Response:
         items, after = await unless_left(request, history.episodes(query))
-        document = {"items": items, "next": None if after is None else after.written()}
+        document: dict[str, object] = {"items": items, "next": None if after is None else after.written()}
+        if known is not None:
+            document["kept_from"] = await kept_from(history, known)
         return await tagged_answer(request, history, partial(encode_bytes, document))
 
     @routes.get("/episodes", response_model=EpisodePage)
@@ -89,7 +98,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         """List the episodes of all sessions that the token covers, open and closed ones. The answer has an `ETag`."""
         return await page(request, replace(query, whose=await covered(grant_of(request), history, origin)))
 
-    @routes.get("/sessions/{session_id}/episodes", response_model=EpisodePage)
+    @routes.get("/sessions/{session_id}/episodes", response_model=SessionEpisodePage)
     @needs("read")
     async def list_episodes(
         request: Request, session_id: str, query: Annotated[EpisodeQuery, Depends(wanted)]
@@ -97,7 +106,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         """List the episodes of a session. The answer has an `ETag`."""
         known = await demand_session(request, registry, session_id)
         demand_properties(known, query.properties)
-        return await page(request, replace(query, session=known.number))
+        return await page(request, replace(query, session=known.number), known)
 
     @routes.get(
         "/sessions/{session_id}/episodes/stream",

@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable
 from functools import partial
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 from fastapi import HTTPException
+from pydantic import Field
 from starlette.requests import HTTPConnection
 
 from oracle_server.core.errors import OracleError
@@ -96,6 +97,21 @@ async def visible_specs(connection: HTTPConnection, registry: Registry) -> froze
 def unknown_spec(connection: HTTPConnection, error: UnknownSpecError) -> NoReturn:
     """Raise 404 for a spec; a token that is bound is not told which others there are."""
     raise HTTPException(404, error.brief if grant_of(connection).bound else str(error)) from None
+
+
+KeptFrom = Annotated[
+    int | None,
+    Field(
+        description="The `n` of the session's first record that is kept, whatever is asked for: what was violated "
+        "before it is not among these. Null where none is kept, or there is none"
+    ),
+]
+
+
+async def kept_from(history: Reading, known: SessionRecord) -> int | None:
+    """From which verdict on a session's records are kept; None where there are none."""
+    first, last = await history.extent(known.number)
+    return (first - 1) * len(known.properties) + 1 if first <= last else None
 
 
 async def unknown_verdict(history: Reading, known: SessionRecord, n: int) -> NoReturn:

@@ -14,7 +14,15 @@ from pydantic import BaseModel, Field
 from starlette.responses import StreamingResponse
 
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.known import demand_properties, demand_session, demand_stream, doubts_of, unknown_verdict
+from oracle_server.api.known import (
+    KeptFrom,
+    demand_properties,
+    demand_session,
+    demand_stream,
+    doubts_of,
+    kept_from,
+    unknown_verdict,
+)
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
@@ -38,6 +46,7 @@ class RecordPage(BaseModel):
 
     items: list[Record]
     next: int | None = Field(description="The `after` of the following page; null where there are no more records")
+    kept_from: KeptFrom
 
 
 def router(registry: Registry, history: History, explainer: Explainer) -> APIRouter:
@@ -49,11 +58,11 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
         demand_properties(known, question.properties)
         await demand_stream(registry, history, known, question.stream)
         items, after = await unless_left(request, find(history, known, question, doubts_of(registry, session_id)))
-        return await packed_answer(
-            request,
-            history,
-            lambda: b'{"items":[%b],"next":%b}' % (b",".join([text for _, text in items]), encode_bytes(after)),
+        rest = encode_bytes(after), encode_bytes(await kept_from(history, known))
+        text = partial(
+            b'{"items":[%b],"next":%b,"kept_from":%b}'.__mod__, (b",".join([text for _, text in items]), *rest)
         )
+        return await packed_answer(request, history, text)
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")

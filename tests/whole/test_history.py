@@ -107,7 +107,7 @@ async def test_a_cursor_stays_where_it_is_while_records_come(server: Server, ses
     assert [r["n"] for r in following["items"]] == list(range(5, 21))
     before = server.get(f"sessions/{session}/verdicts", limit=100, after=down["next"], order="desc")
     assert [r["n"] for r in before["items"]] == list(range(6, 0, -1))
-    assert server.get(f"sessions/{session}/verdicts", after=20) == {"items": [], "next": None}
+    assert server.get(f"sessions/{session}/verdicts", after=20) == {"items": [], "next": None, "kept_from": 1}
 
 
 async def test_violations_are_those_verdicts_with_their_explanations(server: Server, session: str) -> None:

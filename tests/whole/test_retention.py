@@ -56,11 +56,15 @@ async def test_lists_say_from_where_on_violations_are_kept(start: Starts) -> Non
     server = start()
     await fill(server, "s", 30)
     gone = "what was before verdict #21, and was violated, too, is not kept any more\n"
+    lists = [f"sessions/s/{what}" for what in ("verdicts", "violations", "episodes")]
+    assert [server.get(path)["kept_from"] for path in lists] == [1, 1, 1]
     for command in ("verdicts", "episodes"):
         assert "not kept" not in run(command, "s", "--url", server.url).stdout
     assert server.stop() == 0
     server = start(**OFTEN, ORACLE_RETAIN_EVENTS="10")
     await server.until(lambda: kept(server), lambda found: found == {"s": [*range(21, 31)]})
+    assert [server.get(path)["kept_from"] for path in lists] == [21, 21, 21]
+    assert server.get(lists[1], property="a_is_small", until=0) == {"items": [], "next": None, "kept_from": 21}
     for command in ("verdicts", "episodes"):
         assert gone in run(command, "s", "--url", server.url).stdout
     assert gone in run("episodes", "s", "--property", "a_is_small", "--url", server.url).stdout
