@@ -23,7 +23,7 @@ from oracle_server.api import (
     verdicts,
 )
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.questions import demand_once
+from oracle_server.api.questions import demand_parameters
 from oracle_server.attach.connection import Connection
 from oracle_server.attach.rosmonitoring import legacy_routes
 from oracle_server.edge import problems
@@ -77,7 +77,7 @@ def build_app(
         openapi_url=None,
         servers=[{"url": "."}],  # where the description is, also behind a proxy that puts a path before it
         responses=problems.RESPONSES,
-        dependencies=[Depends(demand_once)],
+        dependencies=[Depends(demand_parameters)],
     )
     problems.install(app)
     explainer = Explainer(history)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Annotated, Literal
 
 from fastapi import Depends, HTTPException, Query
+from fastapi.dependencies.models import Dependant
+from fastapi.routing import APIRoute
 from pydantic import StringConstraints
 from starlette.requests import HTTPConnection
 
+from oracle_server.core.nearest import either, nearest
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.query import Query as Question
 from oracle_server.history.views import View
@@ -22,6 +26,8 @@ def _none() -> list[str]:
 
 _REPEATABLE = frozenset(("outcome", "part", "property", "signal"))
 _BELOW = 2**63
+_API = "/api/v1/"
+"""Where parameters ask for something; who fetches a page, or looks for life, may send what they like."""
 Nanoseconds = Annotated[
     int | None,
     Query(ge=0, lt=_BELOW, description="A publication time in ns, included; of what is skewed its arrival counts"),
@@ -47,12 +53,30 @@ Properties = Annotated[
 ]
 
 
-async def demand_once(connection: HTTPConnection) -> None:
-    """Raise 422 for a parameter that is given several times where one counts, as what the others ask for is missed."""
-    given = Counter(name for name, _ in connection.query_params.multi_items() if name not in _REPEATABLE)
+async def demand_parameters(connection: HTTPConnection) -> None:
+    """Raise 422 for a parameter that says nothing to this route, or is given several times where one counts.
+
+    What it asks for would be missed, and the answer look like one to it.
+    """
+    given = Counter(name for name, _ in connection.query_params.multi_items())
+    route = connection.scope.get("route")
+    if given and isinstance(route, APIRoute) and connection.scope["path"].startswith(_API):
+        _demand_known(given, _parameters(route.dependant))
     for name, times in given.items():
-        if times > 1:
+        if times > 1 and name not in _REPEATABLE:
             raise HTTPException(422, f"query.{name}: it is given {times} times, and can be once")
+
+
+def _demand_known(given: Iterable[str], known: frozenset[str]) -> None:
+    for name in given:
+        if name not in known:
+            says = nearest(name, known) or (f"there is {either(sorted(known))}" if known else "there is none here")
+            raise HTTPException(422, f"query.{name}: there is no such parameter; {says}")
+
+
+def _parameters(of: Dependant) -> frozenset[str]:
+    """The names of the parameters that an endpoint, and what it depends on, can be asked with."""
+    return frozenset(field.alias for field in of.query_params).union(*map(_parameters, of.dependencies))
 
 
 def demand_span(since: int | None, until: int | None) -> None:

@@ -55,6 +55,39 @@ async def test_what_can_be_asked_for_once_is_refused_where_it_is_given_again(ask
     assert (response.status_code, response.json()["detail"]) == (422, said)
 
 
+@pytest.mark.parametrize(
+    ("method", "path", "detail"),
+    [
+        (
+            "GET",
+            "sessions/s/verdicts?propertys=x",
+            "query.propertys: there is no such parameter; did you mean `property`?",
+        ),
+        ("GET", "sessions/s/violations?untill=1", "query.untill: there is no such parameter; did you mean `until`?"),
+        ("GET", "sessions/s/violations?view=all", "query.view: there is no such parameter; there is after or as or"),
+        ("GET", "sessions/s/episodes?origin=r", "query.origin: there is no such parameter; there is after or limit or"),
+        ("GET", "sessions/s/stream?since=1", "query.since: there is no such parameter; there is after or as or"),
+        ("GET", "sessions/s/trace?property=x", "query.property: there is no such parameter; there is none here"),
+        ("GET", "sessions?spec=pair", "query.spec: there is no such parameter; there is brief or origin"),
+        ("POST", "sessions?id=t", "query.id: there is no such parameter; there is none here"),
+        ("DELETE", "sessions/s?confirm=no", "query.confirm: there is no such parameter; there is none here"),
+    ],
+)
+async def test_a_parameter_that_there_is_not_is_refused(asked: Asked, method: str, path: str, detail: str) -> None:
+    """What it was to ask for would be missed, and the answer be read as one to it."""
+    await open_pair(asked)
+    response = await asked.http.request(method, f"/api/v1/{path}", json={"spec": "pair"} if method == "POST" else None)
+    assert (response.status_code, response.json()["detail"][: len(detail)]) == (422, detail)
+    assert [state["id"] for state in (await asked.http.get("/api/v1/sessions")).json()["items"]] == ["s"]
+    assert (await asked.http.get("/api/v1/sessions/s")).json()["status"] != "closed"
+
+
+@pytest.mark.parametrize("path", ["/", "/healthz", "/metrics", "/dashboard/main.js"])
+async def test_what_asks_for_nothing_may_have_any_parameter(asked: Asked, path: str) -> None:
+    """Probes and pages are fetched with some that keep caches from answering."""
+    assert (await asked.http.get(path, params={"t": "1"})).status_code == 200
+
+
 async def test_what_can_be_asked_for_again_and_again_is_told(asked: Asked) -> None:
     await open_pair(asked)
     path = "/api/v1/sessions/s/verdicts?outcome=false&outcome=true&property=b_after_a&property=b_after_a"
