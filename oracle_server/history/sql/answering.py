@@ -13,6 +13,7 @@ import msgspec
 from oracle_server.core.errors import HistoryError, UnpreparedError
 from oracle_server.history.query import Query
 from oracle_server.history.records import SessionRecord
+from oracle_server.history.sql.damage import DAMAGED, damaged
 from oracle_server.history.sql.matching import told
 from oracle_server.history.sql.timeline import asked
 from oracle_server.history.timeline import Question
@@ -89,6 +90,8 @@ def _answered(opening: Opening, asks: ByTime | ByNumber) -> Answer:
         return Answer(error=str(error), unprepared=True)
     except HistoryError as error:
         return Answer(error=str(error))
+    except DAMAGED as error:
+        return Answer(error=damaged(error, f"a row of session {asks.session.id}"))
     except Exception as error:  # noqa: BLE001 -- of whatever database
         return Answer(error=f"the history can't be read: {error}")
 

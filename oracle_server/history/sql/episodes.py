@@ -9,6 +9,7 @@ import msgspec
 
 from oracle_server.core.episode import Episode
 from oracle_server.history.episodes import Cursor, EpisodeQuery, Page, StoredEpisode, told, worst_of
+from oracle_server.history.sql.damage import readable
 from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.whose import among, joined, of
 
@@ -113,6 +114,7 @@ def read(reader: Database, query: EpisodeQuery) -> Page:
     return records, Cursor(began, number, prop, first)
 
 
+@readable(lambda row: f"the episode of {row[3]} at verdict {row[5]} of session {row[1]}")
 def _stored(row: tuple[Any, ...]) -> StoredEpisode:
     _, _, _, prop, order, first, began, last, until, is_open, final, count, worst, text = row
     episode = Episode(first, began, last, until, bool(is_open), bool(final), count, worst_of(worst))

@@ -284,7 +284,7 @@ class SqlHistory:
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
-        sql = "SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL"
+        sql = "SELECT state, id FROM sessions WHERE id = ? AND closed IS NOT NULL"
         return await self._lookups.one(document_of, sql, (name,))
 
     async def closed_states(self, limit: int, whose: Whose = ALL) -> list[Document]:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import msgspec
+
 from oracle_server.core.numbering import Numbering
 from oracle_server.history.records import Refusal, SnapshotRecord
+from oracle_server.history.sql.damage import readable
 from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import REFUSED_COLUMNS
@@ -55,5 +58,6 @@ def needless(reader: Database, session: int, saved: SnapshotRecord | None, keep:
     return Needless(statements, older)
 
 
+@readable(lambda row: f"the refused event {row[2]} of monitor {row[1]} of session number {row[0]}")
 def _refusal_of(row: Row) -> Refusal:
-    return Refusal(*row[1:])
+    return msgspec.convert(row[1:], Refusal)

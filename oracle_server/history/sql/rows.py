@@ -5,17 +5,20 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, cast
+from operator import itemgetter
+from typing import Any, cast, get_args
 
 import msgspec
 
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import Event, Source, Step, StreamKey
+from oracle_server.core.events import Event, Order, Source, Step, StreamKey
 from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS
+from oracle_server.core.simulated import TimeBase
 from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.letters import LETTERS, letters
 from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
+from oracle_server.history.sql.damage import readable
 from oracle_server.history.sql.schema import STEP_COLUMNS
 from oracle_server.history.sql.standing import (
     BYPASSED,
@@ -37,6 +40,10 @@ _PLAIN = (None,) * 5
 """The columns of a step that was not revised."""
 _TIME = "CASE WHEN skewed <> 0 THEN arrived ELSE stamp END"
 """Where a step stands in the order of publication, as `Step.time`."""
+
+_NUMBERS = itemgetter(*map(STEP_COLUMNS.index, ("position", "seq", "gap", "stamp", "arrived", "judged", "lost")))
+_ORDERS = frozenset(get_args(Order))
+_NAMES = itemgetter(*map(STEP_COLUMNS.index, ("ord", "stream", "monitor", "source")))
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.decode
@@ -68,10 +75,12 @@ def step_row(session: int, stored: StoredStep) -> Row:
     )  # fmt: skip
 
 
+@readable(lambda row: f"the step at position {row[1]} of session number {row[0]}")
 def step_of(row: Row) -> StoredStep:
-    """A row of the table of steps as what it was made of."""
+    """A row of the table of steps as what it was made of. Raises `HistoryError` where it is none."""
     r = dict(zip(STEP_COLUMNS, row, strict=True))
     signals, marks = _decode(r["signals"]), KINDS[r["kind"]].marks  # which stand among the signals
+    _demand_sound(row, r, signals)
     event = Event(
         StreamKey(r["stream"], r["kind"]), r["monitor"], r["seq"], r["stamp"], r["arrived"], None, r["source"],
         r["call"], r["lost"], bool(r["ask"]), None, signals[GOAL_ID] if GOAL_ID in marks else None,
@@ -93,6 +102,16 @@ def step_of(row: Row) -> StoredStep:
         revision,
         {int(i): count for i, count in _decode(r["pending"]).items()} if r["pending"] else {},
     )  # fmt: skip
+
+
+def _demand_sound(row: Row, r: Mapping[str, Any], signals: object) -> None:
+    """Raise ValueError for what SQLite gives, which knows no types, and nobody has written."""
+    if {*map(type, _NUMBERS(row))} != {int} or {*map(type, _NAMES(row))} != {str} or not isinstance(signals, dict):
+        raise ValueError("a value is of another type")
+    if r["ord"] not in _ORDERS:
+        raise ValueError("`ord` is none")
+    if r["revision"] is None and len(r["outcomes"]) != len(r["degraded"]):
+        raise ValueError("`outcomes` and `degraded` are of other properties")
 
 
 @lru_cache(1_000)
@@ -144,10 +163,12 @@ def session_row(session: SessionRecord) -> Row:
     return (*session[:5], text(session.properties), *session[6:])
 
 
+@readable(lambda row: f"session number {row[0]}")
 def session_of(row: Row) -> SessionRecord:
     """The same, back."""
     number, name, spec, yaml, digest, properties, private, *rest = row
-    return SessionRecord(number, name, spec, yaml, digest, tuple(_decode(properties)), bool(private), *rest)
+    plain = number, name, spec, yaml, digest, _decode(properties), bool(private), *rest
+    return msgspec.convert(plain, SessionRecord)
 
 
 def monitor_row(session: int, monitor: MonitorRecord) -> Row:
@@ -157,10 +178,12 @@ def monitor_row(session: int, monitor: MonitorRecord) -> Row:
     return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock, bypasses, monitor.left
 
 
+@readable(lambda row: f"monitor {row[1]} of session number {row[0]}")
 def monitor_of(row: Row) -> MonitorRecord:
     """The same, back."""
     _, name, instance, streams, attached, clock, bypasses, left = row
-    keys = tuple([StreamKey(*key) for key in _decode(streams)])
+    msgspec.convert((name, instance, attached, clock, left), tuple[str, str, int, TimeBase, int | None])
+    keys = tuple(_decode(streams, type=list[StreamKey]))
     bypassed = {StreamKey(stream, kind): Bypass(told, since) for stream, kind, told, since in _decode(bypasses)}
     return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed, left)
 
@@ -171,6 +194,7 @@ def snapshot_row(session: int, snapshot: SnapshotRecord) -> Row:
     return session, snapshot.position, text(snapshot.data), snapshot.settled, numbers
 
 
+@readable(lambda _: "a session's snapshot")
 def snapshot_of(row: Row) -> SnapshotRecord:
     """A snapshot of its position, data, `settled` and numbers; data that is not JSON is None."""
     position, data, settled, numbers = row
@@ -180,8 +204,9 @@ def snapshot_of(row: Row) -> SnapshotRecord:
     return SnapshotRecord(position, plain, settled, None if numbers is None else _decode(numbers))
 
 
+@readable(lambda row: f"the state of session {row[1]}")
 def document_of(row: Row) -> Document:
-    """A plain document of its JSON."""
+    """A plain document of its JSON, which the name of its session follows."""
     return _decode(row[0], type=Document)
 
 

@@ -26,11 +26,12 @@ COUNTED = (
 )
 """How many steps a session has, in the order that decides: positions count deadlines and revisions, too."""
 LAST_TIME = (
-    "SELECT coalesce(max((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1)), 0) "
+    "SELECT coalesce(max(CAST((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1) "
+    "AS BIGINT)), 0) "
     "FROM sessions s WHERE kind = 'robot' AND id NOT LIKE '%@%'"
 )
 """A session's last step was judged last; all of them would be looked at otherwise. Recordings, and robots that
-forward, have a time of theirs."""
+forward, have a time of theirs. Of a damaged row SQLite may give a text."""
 BESIDE = (
     "(200 + length(s.text) + coalesce(length(s.state), 0) + coalesce(length(saved.data), 0) "
     "+ (SELECT coalesce(sum(length(monitor) + length(code) + length(message) + 30), 0) FROM refused "

@@ -15,7 +15,7 @@ Condition = tuple[str, Sequence[Any]]
 def closed(whose: Whose, limit: int) -> tuple[str, list[Any]]:
     """The statement for the states of closed sessions, the newest first, with its values."""
     where, values = joined([("closed IS NOT NULL", ()), *of(whose)])
-    sql = f"SELECT state FROM sessions WHERE {where} ORDER BY number DESC LIMIT ?"  # noqa: S608 -- no value is in it
+    sql = f"SELECT state, id FROM sessions WHERE {where} ORDER BY number DESC LIMIT ?"  # noqa: S608 -- no value is in it
     return sql, [*values, limit]
 
 
