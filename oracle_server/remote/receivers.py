@@ -26,6 +26,7 @@ _ENCODED = "whsec_"
 def _reachable(url: str) -> str:
     """An address with a host and, if any, a port that there can be. Raises ValueError for any other."""
     parts = urlsplit(url)
+    (parts.hostname or "").encode("idna")  # as of `a..b` there is no alarm that could be sent
     if not parts.hostname or parts.port == 0:  # a port beyond all others raises by itself
         raise ValueError
     return url

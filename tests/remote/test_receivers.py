@@ -40,6 +40,7 @@ def test_receivers_are_read_with_their_secrets(tmp_path: Path) -> None:
         (SOUND.replace("https://", "https://user:word@"), "without a user in it"),
         (SOUND.replace("ops.example", "ops.example:84430"), ":2:10: `url` must be an address such as https://"),
         (SOUND.replace("ops.example", "ops.example:alarms"), ":2:10: `url` must be an address such as https://"),
+        (SOUND.replace("ops.example", "ops..example"), ":2:10: `url` must be an address such as https://"),
         (SOUND.replace("ops.example", "[fd00::1"), ":2:10: `url` must be an address such as https://"),
         (SOUND.replace("url", "uri"), ":2:5: unknown key 'uri'; a receiver has `url`, `what` and `secret`"),
         (
