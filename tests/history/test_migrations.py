@@ -11,6 +11,7 @@ from typing import get_args
 import msgspec
 import pytest
 
+from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.query import Query
 from oracle_server.history.records import MonitorRecord, SessionRecord, stored_revision
@@ -122,3 +123,16 @@ async def test_it_knows_which_order_decides(tmp_path: Path, version: int) -> Non
     history = await written(tmp_path, version, arrival, asked, overruled, named)
     assert [await history.session(name) for name in "sabcd"] == [opened(), arrival, asked, overruled, named]
     await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", [0, 1, 5, VERSION])
+def test_a_database_of_another_program_is_refused_and_left_as_it_is(tmp_path: Path, version: int) -> None:
+    """Others count their versions in the same place, and a file of theirs may have the same name."""
+    file = tmp_path / "history.sqlite"
+    with closing(sqlite3.connect(file)) as database:
+        database.executescript(f"CREATE TABLE visits (id INTEGER, at INTEGER); PRAGMA user_version = {version};")
+    before = file.read_bytes()
+    with pytest.raises(HistoryError, match="is a database of another program"):
+        SqliteHistory(tmp_path)
+    assert file.read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["history.sqlite"]

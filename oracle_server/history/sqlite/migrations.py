@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sqlite3
+from pathlib import Path
 
+from oracle_server.core.errors import HistoryError
 from oracle_server.history.sql.schema import DDL, VERSION, FormatError
 from oracle_server.history.sqlite.remaking import remake
 
@@ -44,6 +46,18 @@ _STEPS = {
 """By the version that they start from: statements that lead to the next one."""
 _EPISODES = 10
 """The first format with episodes."""
+_OWN = frozenset(("sessions", "steps", "monitors"))
+"""Tables that a history of any format has."""
+
+
+def demand_own(database: sqlite3.Connection, path: Path) -> None:
+    """Raise `HistoryError` for a database of another program: tables would be added to it, and its version changed."""
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    names = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+    if (names and not version) or (0 < version <= VERSION and not names >= _OWN):
+        raise HistoryError(
+            f"{path}: is a database of another program: let the server have a directory of its own (`--data-dir`)"
+        )
 
 
 def migrate(database: sqlite3.Connection) -> int:

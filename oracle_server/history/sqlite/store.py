@@ -15,7 +15,7 @@ from oracle_server.core.errors import HistoryError
 from oracle_server.history.sql.batch import insert_rows
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import VERSION
-from oracle_server.history.sqlite.migrations import migrate
+from oracle_server.history.sqlite.migrations import demand_own, migrate
 
 T = TypeVar("T")
 Durability = Literal["full", "normal"]
@@ -35,6 +35,7 @@ class SqliteStore:
         try:
             _make_private(path)
             self.database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+            demand_own(self.database, path)
             _prepare(self.database, durability)
             self._file = path.stat()
         except OSError as error:
