@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from oracle_server.core.errors import TraceError
+from oracle_server.core.errors import TraceError, one_line
 from oracle_server.replay.blocks import Block, InBlocks, decompress
-from oracle_server.replay.storage import Channel, DamagedError, Message, is_lasting
+from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message, is_lasting
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
@@ -30,6 +30,9 @@ class Ros1File(InBlocks):
         self._counts: Counter[int] = Counter()
         self._ended_early = False
         self._indexed = 0
+        """Up to which of the chunks there was an index, counted from 1."""
+        self._unindexed = False
+        """Whether there was none behind a chunk that others follow."""
         self._file: BinaryIO = path.open("rb")
         try:
             self._scan(path.stat().st_size)
@@ -50,12 +53,14 @@ class Ros1File(InBlocks):
         """Go from record to record, without what is in chunks; where channels may be missing, look there."""
         if self._file.read(len(MAGIC)) != MAGIC:
             raise TraceError(f"{self.path}: is no ROS 1 bag")
-        position, index, chunks, closed = len(MAGIC), 0, 0, False
+        position, index, chunks, told, closed = len(MAGIC), 0, 0, 0, False
         while position < size:
             try:
                 fields, body, length = self._record_at(position)
                 kind = _number(fields, b"op", 1)
+                told += kind == _INFO and body + length <= size
                 if kind == _BAG:
+                    self._refuse_encrypted(fields)
                     index = _number(fields, b"index_pos", 8)
                     chunks, closed = int.from_bytes(fields.get(b"chunk_count", b""), "little"), index > 0
                 elif kind == _CHUNK:
@@ -70,13 +75,39 @@ class Ros1File(InBlocks):
             if body + length > size:
                 break
             position = body + length
-        self._ended_early = position < size or not closed
+        self._conclude(position, size, closed=closed, whole=closed and told == chunks == len(self._blocks))
+
+    def _conclude(self, position: int, size: int, *, closed: bool, whole: bool) -> None:
+        """Say how far the file could be read; `whole`: all chunks that it should have are there, and were closed."""
+        self._ended_early = not whole and (position < size or not closed)
         if self._ended_early:
             where = "in the record at byte" if position < size else "at byte"
             self.damages.append(f"ends early, {where} {position} of {size}: the bag was not closed")
-            self._counts = Counter(number for block in self._blocks for number, *_ in self._in_block(block, None))
-            del self.damages[1:]  # they are found again with the messages
-            self._nameless.clear()
+        elif position < size:
+            self.damages.append(f"has {size - position} bytes behind its end that were not read, as of another bag")
+        if self._ended_early or self._unindexed or self._indexed < len(self._blocks):
+            self._count()
+
+    def _refuse_encrypted(self, fields: _Fields) -> None:
+        by = fields.get(b"encryptor", b"").decode(errors="replace")
+        if by:
+            what = f"is encrypted ({by}), which is not read: `rosbag decrypt` it first"
+            raise TraceError(one_line(f"{self.path}: {what}"))
+
+    def _count(self) -> None:
+        """Count the messages by reading them; chunks without an index have their times from them, too."""
+        known = len(self.damages)
+        self._counts.clear()
+        for at, block in enumerate(self._blocks):
+            times = []
+            for number, time, *_ in self._in_block(block, None):
+                self._counts[number] += 1
+                times.append(time)
+            if times and block.end == LATEST:
+                self._blocks[at] = block._replace(start=min(times), end=max(times))
+        del self.damages[known:]  # they are found again with the messages
+        self._nameless.clear()
+        self._early.clear()
 
     def _record_at(self, position: int) -> tuple[_Fields, int, int]:
         """The heading of the record at a place, the place of its data, and their length. Raises `DamagedError`."""
@@ -90,6 +121,7 @@ class Ros1File(InBlocks):
 
     def _chunk(self, fields: _Fields, offset: int, length: int) -> None:
         how, size = fields.get(b"compression", b"").decode(), _number(fields, b"size", 4)
+        self._unindexed |= self._indexed < len(self._blocks)
         start = self._blocks[-1].start if self._blocks else 0
         self._blocks.append(Block(start, offset, length, how=how, size=size))
 
