@@ -33,7 +33,8 @@ def gather(arguments: Sequence[Path], without: Collection[Path] = ()) -> Gathere
     """The recordings in the order of the arguments; those of a folder by their names, its folders included.
 
     A path that is not there may be a pattern, as `bags/**/*.bag`; what else is not there is a recording that can't be
-    read. The files `without` are passed over. Raises `TraceError` where there is none.
+    read. The files `without`, where results go, are passed over: a pattern names them with the recordings. Raises
+    `TraceError` where there is none.
     """
     found: dict[Path, None] = {}
     others, links = 0, list[Path]()
@@ -48,9 +49,12 @@ def gather(arguments: Sequence[Path], without: Collection[Path] = ()) -> Gathere
             found |= dict.fromkeys(inside.recordings)
             others += inside.others
             links += inside.links
-    if not found:
-        raise TraceError(f"{', '.join(map(str, arguments))}: has no recordings: no bags, and no logs in JSON Lines")
-    return Gathered(list(found), others, [link for link in links if link not in arguments])
+    kept = [path for path in found if path.absolute() not in passed]
+    if not kept:
+        named_so = ", ".join(map(str, arguments))
+        what = "results go there, as --out says" if found else "has no recordings: no bags, and no logs in JSON Lines"
+        raise TraceError(f"{named_so}: {what}")
+    return Gathered(kept, others, [link for link in links if link not in arguments])
 
 
 def _matching(pattern: Path) -> list[Path]:

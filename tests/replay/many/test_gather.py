@@ -146,3 +146,19 @@ def test_rows_are_told_in_order_without_a_file(capsys: pytest.CaptureFixture[str
     assert [row.split(",")[0] for row in rows] == [str(path) for path in recordings[::-1] for _ in range(2)]
     with pytest.raises(TraceError, match="stands where a spec is expected"):
         run_many(recordings, [recordings[0]])
+
+
+def test_where_results_go_is_no_recording_by_a_pattern_or_by_its_name(tmp_path: Path) -> None:
+    """The second time its own table was judged, could not be read, and the exit status was 2."""
+    recordings = write_recordings(tmp_path / "bags", 2)
+    specs, out = write_specs(tmp_path), tmp_path / "bags" / "results.jsonl"
+    pattern = tmp_path / "bags" / "*.jsonl"
+    named = [*recordings, out]  # as a shell writes the pattern out
+    statuses = [run_many(paths, specs, out=out) for paths in ([pattern], [pattern], named)]
+    assert len(set(statuses)) == 1
+    table = out.read_text()
+    assert str(out) not in table
+    assert all(str(path) in table for path in recordings)
+    with pytest.raises(TraceError, match="results go there, as --out says"):
+        run_many([out], specs, out=out)
+    assert out.read_text() == table
