@@ -25,6 +25,7 @@ from oracle_server.replay.scratch import let_go, unpacking, write
 from oracle_server.replay.sqlitefile import MAGIC as SQLITE
 from oracle_server.replay.sqlitefile import SqliteFile
 from oracle_server.replay.storage import Storage
+from oracle_server.replay.strangers import is_named, is_named_compressed, why_no_file_of_a_bag
 
 _KINDS: dict[bytes, Callable[[Path], Storage]] = {MCAP: McapFile, SQLITE: SqliteFile, ROS1: Ros1File}
 MAGICS = (*_KINDS, ZSTD)
@@ -62,11 +63,15 @@ def files_of(path: Path) -> Files:
         return Files([path])
     metadata = path / METADATA
     if not metadata.exists():
-        found = sorted((p for p in path.iterdir() if p.is_file() and begins_as(p) in MAGICS), key=_by_numbers)
+        inside = sorted((p for p in path.iterdir() if p.is_file()), key=_by_numbers)
+        found = [p for p in inside if is_named(p) or begins_as(p) is not None]  # the others are told of once opened
         if not found:
             raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
         # a recorder that compresses files and was killed may leave one beside what it was compressing it to
         files = _undescribed([file for file in found if _plain(file) == file or _plain(file) not in found])
+        files.notes += [
+            f"{p.name}: {why_no_file_of_a_bag(p)}" for p in inside if is_named_compressed(p) and p not in found
+        ]
         files.notes += _further(path)
         return files
     return _listed(path, _information(metadata))
@@ -93,7 +98,7 @@ def _has_recording(folder: Path) -> bool:
 def _undescribed(found: list[Path]) -> Files:
     """The files of a folder without metadata, which bags of ROS 1 have none of."""
     own = "with --on each is one of its own"
-    if all(begins_as(file) == ROS1 for file in found):
+    if {begins_as(file) for file in found} - {None} == {ROS1}:
         split = f"has {len(found)} bags of ROS 1, which are judged as one that was split; {own}"
         return Files(found, notes=[split] if len(found) > 1 else [])
     parts = _parts(found)
@@ -151,7 +156,7 @@ def open_storage(path: Path, stack: ExitStack, times: int = 0) -> Storage:
         let_go(folder)
         return storage
     if magic is None:
-        raise TraceError(f"{path}: is {'empty' if not path.stat().st_size else 'no file of a bag'}")
+        raise TraceError(f"{path}: {why_no_file_of_a_bag(path)}")
     storage = _KINDS[magic](path)
     stack.callback(storage.close)
     return storage

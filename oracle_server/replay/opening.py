@@ -10,11 +10,10 @@ from oracle_server.core.spec import Spec
 from oracle_server.replay.line import MAX_LINE, read_line
 from oracle_server.replay.packed import is_packed
 from oracle_server.replay.recording import Recording
+from oracle_server.replay.strangers import is_pointer, what_it_is
 
 _HEAD = 4096
 _OF_SPECS = frozenset({".yaml", ".yml"})
-_COMPRESSED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\x04\x22\x4d\x18": "lz4", b"\xfd7zXZ\0": "xz", b"PK\3\4": "zip"}
-"""How files begin that programs other than zstd have made, which compresses those of ROS 2."""
 _MARK = b"\xef\xbb\xbf"
 """How some editors begin a file of UTF-8."""
 
@@ -87,15 +86,13 @@ def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> R
         from oracle_server.replay.mcap import is_trace, read_mcap
 
         return read_mcap(path, spec) if is_trace(path) else Bag(path, spec, types)
+    if is_pointer(head):
+        raise TraceError(f"{path}: {what_it_is(head)}")
     if path.suffix == ".jsonl" or head.removeprefix(_MARK).lstrip().startswith(b"{"):
         return read_lines(path, spec)
     if is_packed(head):
         from oracle_server.replay.bags import Bag
 
         return Bag(path, spec, types)
-    if not head:
-        raise TraceError(f"{path}: is empty")
-    program = next((name for mark, name in _COMPRESSED.items() if head.startswith(mark)), None)
-    if program is not None:
-        raise TraceError(f"{path}: is compressed by {program}, which is not read: decompress it first")
-    raise TraceError(f"{path}: is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines")
+    what = what_it_is(head) or "is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines"
+    raise TraceError(f"{path}: {what}")

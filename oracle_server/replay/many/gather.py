@@ -12,11 +12,10 @@ from oracle_server.core.errors import TraceError
 from oracle_server.replay.folder import MAGICS, METADATA, begins_as
 from oracle_server.replay.opening import is_recording
 from oracle_server.replay.ros1file import MAGIC as ROS1
+from oracle_server.replay.strangers import is_named, is_named_compressed
 
-_NAMED = frozenset({".bag", ".mcap", ".db3", ".jsonl", ".zstd"})
-"""What recordings are called: such a file is one, whatever it holds."""
-_UNREAD = frozenset({".gz", ".xz", ".bz2", ".lz4", ".zip"})
-"""What is behind that where a recording was compressed, and can't be read so: it is one that can't be used."""
+_LOG = ".jsonl"
+"""What logs are called: a file that is called so, or as those of bags are, is a recording whatever it holds."""
 _NUMBERED = frozenset(MAGICS) - {ROS1}
 """How the files begin that `ros2 bag` numbers."""
 
@@ -99,7 +98,7 @@ def _inside(folder: Path, passed: Collection[Path]) -> Gathered:
 
 def _is_named(path: Path) -> bool:
     """Whether a file is called as recordings are, compressed ones included."""
-    return path.suffix in _NAMED or (path.suffix in _UNREAD and Path(path.stem).suffix in _NAMED)
+    return is_named(path) or path.suffix == _LOG or is_named_compressed(path, _LOG)
 
 
 def _walk(folder: Path) -> Iterator[Path]:
