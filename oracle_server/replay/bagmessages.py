@@ -1,7 +1,8 @@
 """Converts messages of a bag to plain data, as an adapter would have sent them.
 
 A 32-bit float becomes its shortest decimal, a byte sequence a base64 text, NaN and infinities the wire's texts for
-them, and every other array a list, as are the signed numbers of ROS 1's `byte[]`.
+them, and every other array a list, as are the signed numbers of ROS 1's `byte[]`. A single `byte` is signed in ROS 1,
+too, and not in ROS 2.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ Read = Callable[[Any], Any]
 _TIMES = {"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"}
 _OLD_NAMES = {"secs": "sec", "nsecs": "nanosec"}
 _BYTES = frozenset({"uint8", "octet", "byte", "char"})
+_OCTETS = frozenset({"byte", "octet"})
 _BYTES_OF_ROS1 = frozenset({"uint8", "char"})
 
 
@@ -80,6 +82,8 @@ def _value_reader(types: Typestore, kind: Any, inner: list[str] | None, *, ros1:
             return lambda values: base64.b64encode(bytes(values)).decode()
         one = _value_reader(types, element, None, ros1=ros1)
         return lambda values: [one(v) for v in (values.tolist() if isinstance(values, np.ndarray) else values)]
+    if of[0] in _OCTETS and not ros1:
+        return _octet
     return {"float32": _single, "float64": _double}.get(of[0], _same)
 
 
@@ -91,6 +95,11 @@ def _double(value: float) -> float | str:
     if math.isfinite(value):
         return value
     return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+
+
+def _octet(value: int) -> int:
+    """A byte of ROS 2, where it is no signed number, as it is in ROS 1, and as it was decoded."""
+    return value & 0xFF
 
 
 def _same(value: Any) -> Any:

@@ -6,9 +6,10 @@ import struct
 from typing import Any
 
 import pytest
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from oracle_server.replay.bagmessages import message_reader, ros1_decoder
+from oracle_server.replay.sources import read_cdr
 
 TEXT = "float64 from\nbool pass\nint32 self\n"
 
@@ -36,6 +37,33 @@ def test_bytes_of_ros_1_are_signed_numbers_but_for_unsigned_ones() -> None:
         struct.pack("<I2b2bI2BI2B", 2, 5, -3, 1, -1, 2, 1, 255, 2, 0, 9),
     )
     assert read(text, raw, None) == {"a": [5, -3], "b": [1, -1], "c": "Af8=", "d": "AAk="}
+
+
+SINGLE = "byte a\nbyte b\nchar c\nuint8 d\nint8 e\n"
+NESTED = f"Inner[] x\n{'=' * 80}\nMSG: my_msgs/Inner\nbyte a\n"
+IDL = "module my_msgs { module msg { struct Move { octet a; octet b; char c; uint8 d; int8 e; }; }; };"
+
+
+@pytest.mark.parametrize("types", [get_types_from_msg(SINGLE, "my_msgs/msg/Move"), get_types_from_idl(IDL)])
+def test_a_byte_of_ros_2_is_no_signed_number(types: dict[str, Any]) -> None:
+    """It was read as one, and live it is none."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    raw = b"\0\1\0\0" + bytes([3, 200, 200, 200, 200])
+    found = message_reader(store, "my_msgs/msg/Move", None)(read_cdr(store, raw, "my_msgs/msg/Move"))
+    assert found == {"a": 3, "b": 200, "c": 200, "d": 200, "e": -56}
+
+
+def test_a_byte_within_other_messages_of_ros_2_is_no_signed_number() -> None:
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(NESTED, "my_msgs/msg/Move"))
+    raw = b"\0\1\0\0" + struct.pack("<I2B", 2, 255, 127)
+    found = message_reader(store, "my_msgs/msg/Move", None)(read_cdr(store, raw, "my_msgs/msg/Move"))
+    assert found == {"x": [{"a": 255}, {"a": 127}]}
+
+
+def test_a_byte_of_ros_1_is_a_signed_number() -> None:
+    assert read("byte a\nchar b\n", bytes([200, 200]), None) == {"a": -56, "b": 200}
 
 
 @pytest.mark.parametrize("paths", [["from", "pass", "self"], None])
