@@ -46,7 +46,7 @@ def message_reader(types: Typestore, name: str, paths: Iterable[str] | None, *, 
 
 
 class _Text(bytes):
-    """The bytes of a text as ROS 1 reads them: what is no UTF-8 is replaced."""
+    """The bytes of a text as ROS reads them in Python: what is no UTF-8 is replaced."""
 
     def decode(self, encoding: str = "utf-8", errors: str = "replace") -> str:
         return super().decode(encoding, errors)
@@ -54,9 +54,16 @@ class _Text(bytes):
 
 def ros1_decoder(types: Typestore) -> Callable[[bytes, str], Any]:
     """What decodes serialized messages of ROS 1, of a type by name."""
-    for name in types.fielddefs:  # rosbags makes code for each type, which takes texts by `bytes(…).decode()`
-        types.get_msgdef(name).deserialize_ros1.__globals__["bytes"] = _Text
+    read_any_text(types)
     return types.deserialize_ros1
+
+
+def read_any_text(types: Typestore) -> None:
+    """Have the texts in messages of these types read whatever their bytes, as `_Text` has it."""
+    for name in types.fielddefs:  # rosbags makes code for each type, which takes texts by `bytes(…).decode()`
+        known = types.get_msgdef(name)
+        for decode in (known.deserialize_ros1, known.deserialize_cdr_le, known.deserialize_cdr_be):
+            decode.__globals__["bytes"] = _Text
 
 
 def _grouped(paths: Iterable[str]) -> dict[str, list[str] | None]:

@@ -15,7 +15,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.plan import Plan
 from oracle_server.core.stamps import DEFAULT_PATHS, stamp_fault, stamp_in
-from oracle_server.replay.bagmessages import message_reader, ros1_decoder
+from oracle_server.replay.bagmessages import message_reader, read_any_text, ros1_decoder
 from oracle_server.replay.blocks import ZSTD
 from oracle_server.replay.coverage import signal_names
 from oracle_server.replay.definitions import EVENT, event_parts, type_name, types_of
@@ -226,7 +226,10 @@ class Source:
 
 def decoder(channel: Channel, types: Typestore) -> Callable[[bytes, str], Any]:
     """What decodes the messages of a channel, of a type by name."""
-    return ros1_decoder(types) if channel.serialization == "ros1" else partial(read_cdr, types)
+    if channel.serialization == "ros1":
+        return ros1_decoder(types)
+    read_any_text(types)
+    return partial(read_cdr, types)
 
 
 def read_cdr(types: Typestore, raw: bytes, name: str) -> Any:

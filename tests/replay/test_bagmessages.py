@@ -9,7 +9,9 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from oracle_server.replay.bagmessages import message_reader, ros1_decoder
-from oracle_server.replay.sources import read_cdr
+from oracle_server.replay.definitions import types_of
+from oracle_server.replay.sources import decoder, read_cdr
+from oracle_server.replay.storage import Channel
 
 TEXT = "float64 from\nbool pass\nint32 self\n"
 
@@ -29,6 +31,18 @@ def test_texts_of_ros_1_are_read_whatever_their_bytes() -> None:
     odd = struct.pack("<I4s", 4, b"caf\xe9")
     raw = odd + struct.pack("<I", 1) + odd + struct.pack("<I2B", 2, 233, 1) + odd
     assert read(text, raw, None) == {"a": "caf\ufffd", "b": ["caf\ufffd"], "c": "6QE=", "d": {"e": "caf\ufffd"}}
+
+
+@pytest.mark.parametrize(("mark", "order"), [(b"\0\1\0\0", "<"), (b"\0\0\0\0", ">")])
+def test_texts_of_ros_2_are_read_whatever_their_bytes(mark: bytes, order: str) -> None:
+    """Messages with such a text could not be read, which live they can."""
+    text = f"string a\nstring[] b\nstring[1] c\nInner[] d\n{'=' * 80}\nMSG: my_msgs/Inner\nstring<=9 e\n"
+    channel = Channel(1, "/a", "my_msgs/msg/Move", text, "ros2msg")
+    types = types_of(channel, get_typestore(Stores.EMPTY))
+    one, odd = struct.pack(f"{order}I", 1), struct.pack(f"{order}I5s3x", 5, b"caf\xe9\0")
+    raw = mark + odd + one + odd + odd + one + odd
+    found = message_reader(types, channel.type, None)(decoder(channel, types)(raw, channel.type))
+    assert found == {"a": "caf\ufffd", "b": ["caf\ufffd"], "c": ["caf\ufffd"], "d": [{"e": "caf\ufffd"}]}
 
 
 def test_bytes_of_ros_1_are_signed_numbers_but_for_unsigned_ones() -> None:
