@@ -34,6 +34,7 @@ from oracle_server.edge.slashes import Slashes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, http_transport
 from oracle_server.edge.visitors import LEAVING, STRANGERS, Visitors
+from oracle_server.extras import install
 from oracle_server.foxglove.listening import Certificate, Listening
 from oracle_server.foxglove.live import Live
 from oracle_server.history.memory import MemoryHistory
@@ -146,7 +147,7 @@ def _in_postgres(settings: Settings, port: int) -> History:
         from oracle_server.history.postgres.store import Node
     except ImportError:
         raise ServerError(
-            "a history in PostgreSQL needs the package psycopg; install it: `pip install 'oracle-server[postgres]'`"
+            f"a history in PostgreSQL needs the package psycopg; install it: `{install('postgres')}`"
         ) from None
 
     def end() -> None:
@@ -161,7 +162,7 @@ def _forwarding(settings: Settings, history: History) -> Forwarding | None:
     if settings.forward is None or not isinstance(history, SqliteHistory) or history.forwarding is None:
         return None
     if importlib.util.find_spec("psycopg") is None:
-        raise ServerError("--forward needs the package psycopg; install it: `pip install 'oracle-server[postgres]'`")
+        raise ServerError(f"--forward needs the package psycopg; install it: `{install('postgres')}`")
     return Forwarding(history.forwarding, settings.forward, settings.origin or _host())
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, ParamSpec, TypeVar, cast
 import structlog
 
 from oracle_server.core.errors import OracleError
+from oracle_server.extras import install
 from oracle_server.foxglove.channels import Channel, Message
 from oracle_server.foxglove.schemas import Schema
 from oracle_server.process.seldom import Seldom
@@ -58,7 +59,7 @@ class Listening:
             import foxglove
         except ImportError:
             raise FoxgloveError(
-                "--foxglove needs the package foxglove-sdk; install it: `pip install 'oracle-server[foxglove]'`"
+                f"--foxglove needs the package foxglove-sdk; install it: `{install('foxglove')}`"
             ) from None
         at = f"[{host}]" if ":" in host else host
         _set_up_logs(foxglove.set_log_level)

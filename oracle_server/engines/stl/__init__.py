@@ -9,6 +9,7 @@ from importlib.util import find_spec
 
 from oracle_server.core.errors import EngineError
 from oracle_server.core.formula.tree import Position
+from oracle_server.extras import install
 
 _EQUALITIES = {
     "==": "is at most on its border, where both sides are equal, so that nothing which asks for it holds, and what "
@@ -22,7 +23,7 @@ def demand() -> None:
     """Raises `EngineError` where rtamt is not installed."""
     if find_spec("rtamt") is not None:
         return
-    mend = "pip install 'oracle-server[rtamt]'"
+    mend = install("rtamt")
     if sys.version_info >= (3, 13):
         mend = f"it runs on Python up to 3.12, and this is {sys.version_info.major}.{sys.version_info.minor}"
     raise EngineError(f"`engine: rtamt` needs rtamt, which is not installed: {mend}")

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from oracle_server.core.units import counted
+from oracle_server.extras import install
 from oracle_server.history.copying.ends import CopyError, End
 from oracle_server.history.copying.insqlite import SqliteEnd, file_of
 from oracle_server.history.copying.tables import Key, Table
@@ -104,7 +105,7 @@ def _end(text: str, *, source: bool) -> End:
         from oracle_server.history.copying.inpostgres import PostgresEnd
     except ImportError:
         raise CopyError(
-            "a history in PostgreSQL needs the package psycopg; install it: `pip install 'oracle-server[postgres]'`"
+            f"a history in PostgreSQL needs the package psycopg; install it: `{install('postgres')}`"
         ) from None
     return PostgresEnd(text)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from oracle_server.core.errors import OracleError
+from oracle_server.extras import install
 from oracle_server.replay.many.judging import Judge, Question, Task, Unit, failed
 from oracle_server.replay.many.workers import Ended, Said
 
@@ -33,7 +34,7 @@ class RayCluster:
             import ray
         except ImportError:
             raise RayError(
-                "--engine ray needs the package ray; install it: `pip install 'oracle-server[ray]'`, on each machine "
+                f"--engine ray needs the package ray; install it: `{install('ray')}`, on each machine "
                 "of the cluster; -j needs nothing"
             ) from None
         self._ray: Any = ray

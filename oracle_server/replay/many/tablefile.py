@@ -11,6 +11,7 @@ from typing import IO, Any, NamedTuple, get_args, get_type_hints
 import msgspec
 
 from oracle_server.core.errors import OracleError
+from oracle_server.extras import install
 from oracle_server.replay.many.row import COLUMNS, Row
 from oracle_server.replay.table import SPREADSHEET, csv_cell
 
@@ -141,7 +142,7 @@ def _pyarrow(path: Path) -> None:
         import pyarrow.parquet  # noqa: F401
     except ImportError:
         raise ResultsError(
-            f"--out {path}: Parquet needs the package pyarrow; install it: `pip install 'oracle-server[parquet]'`; "
+            f"--out {path}: Parquet needs the package pyarrow; install it: `{install('parquet')}`; "
             ".jsonl and .csv need nothing"
         ) from None
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from oracle_server.extras import install
 from tests.processes import PATIENCE
 from tests.replay.many.recordings import write_recordings, write_specs
 
@@ -31,10 +32,10 @@ def replay(missing: str, *words: object) -> str:
 def test_the_extra_is_named(tmp_path: Path) -> None:
     (spec, _), (recording,) = write_specs(tmp_path), write_recordings(tmp_path / "r", 1)
     assert replay("ray", recording, "--on", spec, "--engine", "ray") == (
-        "oracle-server: --engine ray needs the package ray; install it: `pip install 'oracle-server[ray]'`, on each "
+        f"oracle-server: --engine ray needs the package ray; install it: `{install('ray')}`, on each "
         "machine of the cluster; -j needs nothing\n"
     )
     assert replay("pyarrow", recording, "--on", spec, "--out", tmp_path / "a.parquet") == (
         f"oracle-server: --out {tmp_path / 'a.parquet'}: Parquet needs the package pyarrow; install it: "
-        "`pip install 'oracle-server[parquet]'`; .jsonl and .csv need nothing\n"
+        f"`{install('parquet')}`; .jsonl and .csv need nothing\n"
     )
