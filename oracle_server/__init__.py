@@ -1,3 +1,3 @@
-"""An oracle that watches robots: past-time temporal logic over ROS messages and services."""
+"""An oracle that watches robots: temporal logic over ROS messages, services and actions."""
 
 __version__ = "0.1.0"

@@ -59,7 +59,7 @@ from oracle_server.remote.webhooks import Webhooks
 from oracle_server.rostypes.known import Types
 from oracle_server.sessions.registry import Registry
 from oracle_server.sessions.sharing import close_left, share
-from oracle_server.specfiles.library import Library, Unsound
+from oracle_server.specfiles.library import Library, UnknownSpecError, Unsound
 from oracle_server.wire.incoming import MAX_FRAME
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -116,7 +116,7 @@ def serve(settings: Settings) -> None:
 
 
 def _library(settings: Settings) -> Library:
-    """The specs on hand; unsound ones are logged. Raises `UnknownSpecError` where that of `--legacy` is not there."""
+    """The specs on hand; unsound ones are logged. Raises `ServerError` where that of `--legacy` is not there."""
     library = Library(_specs_folder(settings), settings.data_dir / "specs", Types(settings.type_folders))
     for entry in library.listed():
         if isinstance(entry, Unsound):
@@ -125,8 +125,12 @@ def _library(settings: Settings) -> Library:
     if wanting := library.wanting():
         notify(f"{STATUS}{wanting}")
     if settings.legacy is not None:
-        with contextlib.suppress(SpecError):
+        try:
             library.get(settings.legacy)
+        except UnknownSpecError as error:
+            raise ServerError(f"--legacy, or ORACLE_LEGACY: {error}") from None
+        except SpecError:
+            pass  # it is logged, and may be mended
     return library
 
 

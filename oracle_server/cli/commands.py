@@ -39,7 +39,7 @@ class _Commands(TyperGroup):
 app = typer.Typer(
     name="oracle-server",
     cls=_Commands,
-    help="An oracle that watches robots: past-time temporal logic over ROS messages and services.",
+    help="An oracle that watches robots: temporal logic over ROS messages, services and actions.",
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -61,6 +61,13 @@ def _root(
     if version:
         typer.echo(f"oracle-server {__version__}")
         raise typer.Exit
+    _show_commands(context)
+
+
+@histories.callback(invoke_without_command=True)
+@tokens.callback(invoke_without_command=True)
+def _show_commands(context: typer.Context) -> None:
+    """Say which commands there are where none is given."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 

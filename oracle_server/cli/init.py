@@ -27,7 +27,9 @@ def begin(folder: Path) -> list[Path]:
     """Write a spec, a recording and what to do with them into a new or empty folder. Raises `InitError`."""
     name = folder.resolve().name
     if not re.fullmatch(IDENTIFIER, name):
-        raise InitError(f"{folder}: '{name}' can't be the spec's name: take letters, digits, `_`, `-` and `.`")
+        raise InitError(
+            f"{folder}: '{name}' can't be the spec's name: take letters from a to z, digits, `_`, `-` and `.`"
+        )
     starter = dict(_below(files("oracle_server").joinpath("starter"), PurePosixPath()))
     texts = {path: file.read_text(encoding="utf-8").replace(_NAME, name) for path, file in starter.items()}
     return _write(folder, {path: text.encode() for path, text in texts.items()})

@@ -16,6 +16,10 @@ from oracle_server.edge.visitors import Visitors
 
 _UNSENT = 2**14
 """Bytes that the operating system buffers for a client that does not read."""
+_HINTS = {
+    errno.EADDRINUSE: "; stop what uses it, or choose another --port",
+    errno.EACCES: "; ports below 1024 are the system's: choose another --port",
+}
 
 
 class ListenError(OracleError):
@@ -33,7 +37,7 @@ def listen(host: str, port: int, visitors: Visitors) -> Listener:
         listener.bind((host, port))
     except OSError as error:
         listener.close()
-        hint = "; stop what uses it, or choose another --port" if error.errno == errno.EADDRINUSE else ""
+        hint = _HINTS.get(error.errno or 0, "")
         raise ListenError(f"{bracketed(host)}:{port}: {error.strerror}{hint}") from None
     return listener
 

@@ -357,6 +357,14 @@ def test_a_command_loads_only_what_it_needs() -> None:
     assert not loaded & {"fastapi", "httpx", "lark", "msgspec", "pydantic", "re2", "rich.console", "uvicorn", "yaml"}
 
 
+@pytest.mark.parametrize(("group", "commands"), [("token", ("add", "remove", "list")), ("history", ("copy",))])
+def test_a_group_alone_says_which_commands_it_has(group: str, commands: tuple[str, ...]) -> None:
+    ended = run(group)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    told = [line.split()[0] for line in ended.stdout.partition("Commands:")[2].splitlines() if line]
+    assert told == list(commands)
+
+
 def test_commands_that_are_none() -> None:
     assert "nonsense" in failed("nonsense")
     assert "SPEC" in failed("check")

@@ -42,7 +42,7 @@ def test_nothing_that_is_there_is_written_over(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["a b", "ü", "x" * 65])
 def test_a_name_that_no_spec_can_have_is_told(name: str, tmp_path: Path) -> None:
-    assert "can't be the spec's name" in failed("init", tmp_path / name)
+    assert "can't be the spec's name: take letters from a to z, digits" in failed("init", tmp_path / name)
     assert not (tmp_path / name).exists()
 
 

@@ -1,14 +1,19 @@
-"""A UNIX socket is made for its user alone, replaced where nobody listens at it, and deleted by who made it."""
+"""A UNIX socket is made for its user alone, replaced where nobody listens at it, and deleted by who made it.
+
+Why a port can't be had is told with what to do.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 import stat
 from pathlib import Path
 
 import pytest
 
-from oracle_server.edge.listening import ListenError, listening_unix
+from oracle_server.edge.listening import ListenError, listen, listening_unix
 from oracle_server.edge.visitors import Visitors
 
 
@@ -83,3 +88,20 @@ def test_one_that_another_process_has_put_in_its_place_is_left(tmp_path: Path) -
         path.rename(tmp_path / "t")  # its number is not given to another file
         left_behind(path)
     assert path.is_socket()
+
+
+@pytest.mark.parametrize(
+    ("number", "hint"),
+    [(errno.EADDRINUSE, "stop what uses it, or choose another --port"),
+     (errno.EACCES, "ports below 1024 are the system's: choose another --port")],
+)  # fmt: skip
+def test_a_port_that_can_not_be_had_is_told_with_what_to_do(
+    number: int, hint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("oracle_server.edge.listening.Listener.bind", refuse)
+    with pytest.raises(ListenError) as refused:
+        listen("::1", 80, Visitors(10))
+    assert str(refused.value) == f"[::1]:80: {os.strerror(number)}; {hint}"

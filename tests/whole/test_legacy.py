@@ -184,7 +184,7 @@ def test_a_default_spec_that_is_not_on_hand_is_refused_at_the_start(tmp_path: Pa
     said = failed(
         "serve", "--specs", tmp_path / "specs", "--data-dir", tmp_path / "data", "--port", "0", "--legacy", "x"
     )
-    assert "there is no spec 'x'" in said
+    assert "--legacy, or ORACLE_LEGACY: there is no spec 'x'" in said
 
 
 JSON = st.recursive(
