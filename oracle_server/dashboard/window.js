@@ -8,6 +8,7 @@ const BEHIND = 0.02; // of the window, between the newest step and the edge wher
 /** The window on a session's time; `changed` is called when it has moved. */
 export class Window {
   #changed;
+  #all = false; // all of it is to be shown once it is told how far it reaches
 
   constructor(changed) {
     this.#changed = changed;
@@ -31,6 +32,7 @@ export class Window {
     this.origin ??= BigInt(begin);
     this.end = Math.max(this.end, this.offset(end));
     if (this.live) this.#set(this.end - this.span, this.end);
+    else if (this.#all) this.all();
   }
 
   /** Show a part of it, which then stands still. */
@@ -53,6 +55,7 @@ export class Window {
   /** Show all of it. */
   all() {
     this.show(0, Math.max(LEAST, this.end));
+    this.#all = this.origin === null;
   }
 
   /** Show an episode, as wide as the window is where that is enough; it stays where the episode is in view. */
@@ -83,7 +86,7 @@ export class Window {
     const span = Math.max(LEAST, until - since);
     const room = this.live ? BEHIND * span : 0;
     const from = Math.min(Math.max(since, -span / 2), Math.max(0, this.end - span / 2));
-    [this.since, this.until] = [from + room, from + room + span];
+    [this.since, this.until, this.#all] = [from + room, from + room + span, false];
     this.#changed();
   }
 }

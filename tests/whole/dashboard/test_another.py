@@ -41,4 +41,4 @@ async def test_another_session_of_the_name_is_shown_without_anything_of_the_firs
             await expect(page.locator(".verdict")).to_be_empty()
             await page.locator(".time").get_by_role("button", name="All", exact=True).click()
             await painted(page, 0.5, "holds")
-            await expect(page.locator(".time .shown")).to_have_text(re.compile("00:01.000 to .*01:00.000$"))
+            await expect(page.locator(".time .shown")).to_have_text(re.compile(r"00:01\.000 to .*01:00\.000, UTC"))

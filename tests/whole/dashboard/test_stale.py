@@ -30,8 +30,9 @@ async def test_what_the_server_does_not_tell_any_more_is_neither_good_nor_bad(
         await page.goto(f"{server.url}/#/sessions/{session}")
         card = page.locator(".now .card")
         await expect(card).to_contain_text("All 30 properties hold")
-        await page.route("**/api/v1/**", lambda route: route.abort())
         status = page.get_by_role("status")
+        await expect(status).to_have_text("connected")
+        await page.route("**/api/v1/**", lambda route: route.abort())
         await expect(status).to_have_text(
             re.compile(r"The server can't be reached; trying again\. What is shown is of .*\d\d:\d\d:\d\d\.$")
         )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import AsyncIterator
 
+import pytest
 import pytest_asyncio
-from playwright.async_api import Page, expect
+from playwright.async_api import Page, Route, expect
 
 from tests.whole.client import BASE, Monitor, attached, make_event
 from tests.whole.harness import Server
@@ -57,6 +59,22 @@ async def test_what_failed_is_seen_where_it_did(page: Page, monitor: Monitor) ->
     await expect(page.locator(".lane.stream .value")).to_have_text("1.0 Hz")
     await monitor.send(at_second(61))
     await expect(page.locator(".lane.property .value")).to_have_text("✓ 1 violation")
+
+
+@pytest.mark.usefixtures("monitor")
+async def test_all_that_is_asked_for_before_it_is_known_is_all_of_it(server: Server, session: str, page: Page) -> None:
+    told = asyncio.Event()
+
+    async def hold(route: Route) -> None:
+        await told.wait()
+        await route.continue_()
+
+    await page.goto(f"{server.url}/#/")
+    await page.route("**/timeline?**", hold)
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    await page.locator(".time").get_by_role("button", name="All", exact=True).click()
+    told.set()
+    await expect(page.locator(".time .shown")).to_have_text(re.compile(r"00:01\.000 to .*01:00\.000, UTC"))
 
 
 async def test_a_click_explains_what_was_there(page: Page, monitor: Monitor) -> None:

@@ -97,6 +97,7 @@ async def test_an_explanation_is_asked_for_once_however_long_it_takes(server: Se
         seen = looks
         await server.until(lambda: looks, lambda now: now >= seen + 4)
         await monitor.send(make_event(2, at=2, data=SMALL), make_event(3, at=3, data=BIG))
+        await page.locator(".violations").scroll_into_view_if_needed()  # what is not in view is not kept up to date
         await expect(page.locator(".violations li")).to_have_count(2)
         await expect(page.get_by_role("status")).to_have_text("connected")
         assert len(held.asked) == 1
