@@ -128,6 +128,22 @@ async def test_sessions_of_a_server_that_stands_still_are_one_others(begin: Begi
     assert await b.session("s1") is None, "what it had not committed is not there"
 
 
+async def test_a_server_begins_beside_one_that_stands_still_while_it_writes(begin: Begin) -> None:
+    """It has its row locked, and nobody else is there who would end it."""
+    a = await begin("a", hung=True)
+    connection = a.store._database
+    assert connection is not None
+    connection.execute("INSERT INTO owners (session, id, node) VALUES (1, 's1', 'a')")
+    connection.execute(
+        "INSERT INTO sessions (number, id, spec, text, digest, properties, private, opened) "
+        "VALUES (1, 's1', 'spec', '', '', '[]', 0, 0)"
+    )
+    connection.execute("BEGIN")
+    connection.execute("UPDATE nodes SET batch = batch WHERE node = 'a'")
+    b = await begin("b")
+    assert await taken(b) == [1]
+
+
 async def test_nobody_takes_over_where_postgresqls_clock_is_set_forward(begin: Begin, postgres: Postgres) -> None:
     """By that clock all leases have run out: servers took each other's sessions, and all but one ended."""
     a, b = await begin("a"), await begin("b")

@@ -106,9 +106,10 @@ ON CONFLICT DO NOTHING
 since only a part of a backup was put back. What robots forward is theirs."""
 _LEFT = """
 INSERT INTO nodes (node, owner, epoch, until, batch, place)
-SELECT DISTINCT node, '', 1, '-infinity'::timestamptz, 0, 'not known' FROM owners ON CONFLICT DO NOTHING
+SELECT DISTINCT node, '', 1, '-infinity'::timestamptz, 0, 'not known' FROM owners
+WHERE NOT EXISTS (SELECT 1 FROM nodes WHERE nodes.node = owners.node) ON CONFLICT DO NOTHING
 """
-"""Else nobody would take over from them."""
+"""Else nobody would take over from them. One that is there is left alone: who stands still may have its row locked."""
 COUNT_ON = """
 SELECT setval('session_numbers', last.number)
 FROM (
