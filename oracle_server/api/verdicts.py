@@ -58,11 +58,15 @@ def router(registry: Registry, history: History, explainer: Explainer) -> APIRou
         demand_properties(known, question.properties)
         await demand_stream(registry, history, known, question.stream)
         items, after = await unless_left(request, find(history, known, question, doubts_of(registry, session_id)))
-        rest = encode_bytes(after), encode_bytes(await kept_from(history, known))
-        text = partial(
-            b'{"items":[%b],"next":%b,"kept_from":%b}'.__mod__, (b",".join([text for _, text in items]), *rest)
+        kept = await kept_from(history, known)
+        return await packed_answer(
+            request,
+            history,
+            lambda: (
+                b'{"items":[%b],"next":%b,"kept_from":%b}'
+                % (b",".join([text for _, text in items]), encode_bytes(after), encode_bytes(kept))
+            ),
         )
-        return await packed_answer(request, history, text)
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")
