@@ -35,7 +35,7 @@ def test_that_no_other_node_is_on_the_graph_is_told_until_one_is(tmp_path: Path)
             [monitor] = scene.server.session("s")["monitors"]
             return [stream["trouble"] for stream in monitor["streams"]]
 
-        first, second = eventually(troubles, lambda found: all("nobody publishes" in one for one in found))
+        first, second = eventually(troubles, lambda found: ["nobody publishes" in one for one in found] == [True, True])
         text = "no other node is on the ROS graph: start the adapter with the settings of the robot's nodes"
         assert text in first
         assert f"ROS_DOMAIN_ID is {scene.domain}" in first

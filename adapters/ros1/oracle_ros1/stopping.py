@@ -8,9 +8,12 @@ import threading
 from contextlib import contextmanager
 from typing import Iterator
 
+ASK_AGAIN = 0.2
+"""Seconds after which the main thread is interrupted once more: Python ignores what is raised within a destructor."""
+
 
 class Stopping(threading.Event):
-    """Set once the adapter is to end."""
+    """Set once the adapter is to end; takes SIGALRM, too."""
 
     def __init__(self) -> None:
         """Be set by SIGINT, SIGTERM and SIGHUP, from now on; to be made in the main thread."""
@@ -19,6 +22,9 @@ class Stopping(threading.Event):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as by `nohup`
                 signal.signal(number, lambda *_: self._asked())
+        signal.signal(signal.SIGALRM, lambda *_: self._interrupt())
+        tell = sys.unraisablehook
+        sys.unraisablehook = lambda ignored: None if ignored.exc_type is SystemExit else tell(ignored)
 
     @contextmanager
     def asking_master(self) -> Iterator[None]:
@@ -33,5 +39,9 @@ class Stopping(threading.Event):
 
     def _asked(self) -> None:
         self.set()
+        self._interrupt()
+
+    def _interrupt(self) -> None:
         if self._asking:
+            signal.setitimer(signal.ITIMER_REAL, ASK_AGAIN)
             sys.exit(0)

@@ -1,0 +1,40 @@
+"""A signal that comes while the adapter waits for the master."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.ros1.harness import Scene
+
+WITHIN_A_DESTRUCTOR = """
+import os, signal, sys, time
+from oracle_ros1.stopping import Stopping
+
+class Left:
+    def __del__(self):
+        os.kill(os.getpid(), int(sys.argv[1]))
+        time.sleep(0.01)
+
+stopping = Stopping()
+try:
+    with stopping.asking_master():
+        Left()
+        time.sleep(600)  # as a master that hangs
+finally:
+    assert stopping.is_set()
+    print("left", flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_comes_within_a_destructor_ends_what_waits_for_the_master(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    with Scene(tmp_path) as scene:
+        program = scene.run("program", sys.executable, "-c", WITHIN_A_DESTRUCTOR, int(number))
+        assert program.wait() == 0
+        assert program.log == "left\n"
