@@ -26,6 +26,7 @@ try:
         time.sleep(600)  # as a master that hangs
 finally:
     assert stopping.is_set()
+    assert signal.getitimer(signal.ITIMER_REAL) == (0, 0)
     print("left", flush=True)
 """
 

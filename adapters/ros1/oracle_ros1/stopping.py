@@ -36,6 +36,7 @@ class Stopping(threading.Event):
             yield
         finally:
             self._asking = False
+            signal.setitimer(signal.ITIMER_REAL, 0)  # else it would kill a Python that has begun to end
 
     def _asked(self) -> None:
         self.set()
