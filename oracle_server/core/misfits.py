@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Literal
 
 from oracle_server.core.comparisons import contradictory
@@ -183,8 +184,7 @@ def range_at(key: str, could: Sequence[Place]) -> Range:
 
 def described(found: Range) -> str:
     """The values in words, as in "it is always …"."""
-    number = "a number that is not negative" if found.positive else "a number"
-    words = {"text": "a text", "number": number, "boolean": "true or false"}
+    words = {"text": "a text", "number": _numbers(*found.limits), "boolean": "true or false"}
     besides = replace(found, values=())
     values = [v for v in found.values if not besides.meets([Constraint("", "==", v)])]
     parts = [*(_literal(v) for v in values[:8]), *(words[kind] for kind in sorted(found.kinds))]
@@ -195,6 +195,14 @@ def described(found: Range) -> str:
         ends = f" from {least} to {most}" if short else open_
         parts.append(f"a whole number{ends}")
     return " or ".join(parts) or "absent"
+
+
+def _numbers(least: float, most: float) -> str:
+    if isfinite(least) and isfinite(most):
+        return f"a number from {least} to {most}"
+    if isfinite(least):
+        return f"a number of at least {least}" if least else "a number that is not negative"
+    return f"a number of at most {most}" if isfinite(most) else "a number"
 
 
 def _mend(constraint: Constraint, found: Range) -> str:

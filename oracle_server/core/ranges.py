@@ -12,7 +12,7 @@ from typing import Literal
 from oracle_server.core.atoms import canonical, meets
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import Literal as Written
-from oracle_server.core.expression import parse_expression, results
+from oracle_server.core.expression import Span, parse_expression, results
 from oracle_server.core.formula.tree import Any as AnyValue
 from oracle_server.core.formula.tree import Constraint, Limit, Ref, Scalar, Signal
 from oracle_server.core.shapes import WHOLE_NUMBERS, Record, Value
@@ -20,34 +20,35 @@ from oracle_server.core.signals import is_signal
 
 ValueKind = Literal["text", "number", "boolean"]
 _INTEGERS = (-(2**63), 2**64 - 1)
+_ALL = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
     """The values that a signal can have: all of these kinds, and these ones besides, as canonical texts.
 
-    `whole` are the least and the largest of whole numbers, all of which it can have, too. `positive`: of all numbers
-    only those that are not negative.
+    `whole` are the least and the largest of whole numbers, all of which it can have, too. `limits`: of all numbers
+    only those between these two, which are within.
     """
 
     kinds: frozenset[ValueKind] = frozenset()
     values: tuple[Scalar, ...] = ()
     whole: tuple[int, int] | None = None
-    positive: bool = False
+    limits: tuple[float, float] = _ALL
 
     def __or__(self, other: Range) -> Range:
         """What either can have, and no whole number beyond both."""
         values = {canonical(v): v for v in (*self.values, *other.values)}
         ends = [end for found in (self.whole, other.whole) if found for end in found]
         whole = (min(ends), max(ends)) if ends else None
-        positive = all(found.positive for found in (self, other) if "number" in found.kinds)
-        kinds = self.kinds | other.kinds
-        return Range(kinds, tuple(values.values()), whole, positive and "number" in kinds)
+        limits = [found.limits for found in (self, other) if "number" in found.kinds] or [_ALL]
+        hull = min(least for least, _ in limits), max(most for _, most in limits)
+        return Range(self.kinds | other.kinds, tuple(values.values()), whole, hull)
 
     @property
     def identity(self) -> tuple[object, ...]:
         """Equal for equal ranges alone: Python takes 1 and True for the same."""
-        return self.kinds, tuple(canonical(v) for v in self.values), self.whole, self.positive
+        return self.kinds, tuple(canonical(v) for v in self.values), self.whole, self.limits
 
     @property
     def has_numbers(self) -> bool:
@@ -59,7 +60,7 @@ class Range:
     def numbers(self) -> Range:
         """What of it is a number."""
         values = tuple(value for value in self.values if not isinstance(value, str | bool))
-        return Range(self.kinds & {"number"}, values, self.whole, self.positive)
+        return Range(self.kinds & {"number"}, values, self.whole, self.limits)
 
     @property
     def is_number(self) -> bool:
@@ -98,7 +99,7 @@ class Range:
             yield from (*filter(is_signal, texts), "".join(texts) + "…")
         numbers = [w for w in wanted if not isinstance(w, str | bool)]
         if "number" in self.kinds:
-            yield from _numbers([*numbers, 0] if self.positive else numbers, positive=self.positive)
+            yield from _numbers(numbers, self.limits)
         if self.whole is not None:
             least, most = self.whole
             near = {whole + more for w in numbers for whole in (math.floor(w), math.ceil(w)) for more in (-1, 0, 1)}
@@ -107,7 +108,7 @@ class Range:
 
 ANYTHING = Range(frozenset({"text", "number", "boolean"}))
 TEXT, NUMBER, BOOLEAN = (Range(frozenset({kind})) for kind in ("text", "number", "boolean"))
-POSITIVE = Range(frozenset({"number"}), positive=True)
+POSITIVE = Range(frozenset({"number"}), limits=(0, math.inf))
 """Any number that is not negative."""
 
 
@@ -124,9 +125,20 @@ def range_of(text: str, shape: Record | None = None, each: str | None = None) ->
     for result in results(expression, shape):
         if isinstance(result, Written):
             found |= Range() if result.value is None else Range(values=(result.value,))
+        elif isinstance(result, Span):
+            found |= range_of_numbers(result)
         else:
             found |= range_of_field(result)
     return found
+
+
+def range_of_numbers(span: Span) -> Range:
+    """The numbers of a span."""
+    if span.least == span.most:
+        return Range(values=(span.least,))
+    if span.whole:
+        return Range(whole=(int(span.least), int(span.most)))
+    return Range(frozenset({"number"}), limits=(span.least, span.most))
 
 
 def range_of_field(value: Value | None) -> Range:
@@ -144,12 +156,13 @@ def range_of_field(value: Value | None) -> Range:
             return TEXT
 
 
-def _numbers(wanted: Iterable[float], *, positive: bool) -> Iterator[Scalar]:
-    """The wanted numbers, one between each two, and one beyond each end; no negative one where they are `positive`."""
-    marks = sorted({Fraction(w) for w in wanted}) or [Fraction(0)]
+def _numbers(wanted: Iterable[float], limits: tuple[float, float]) -> Iterator[Scalar]:
+    """The wanted numbers, one between each two, and one beyond each end, as far as they are within limits."""
+    least, most = limits
+    marks = sorted({Fraction(w) for w in (*wanted, *filter(math.isfinite, limits))}) or [Fraction(0)]
     between = [(low + high) / 2 for low, high in pairwise(marks)]
     found = (marks[0] - 1, *marks, *between, marks[-1] + 1)
-    yield from (n for n in found if n >= 0 or not positive)  # type: ignore[misc] # fractions compare as numbers do
+    yield from (n for n in found if least <= n <= most)  # type: ignore[misc] # fractions compare as numbers do
 
 
 def _key(value: Scalar) -> tuple[str, Scalar]:

@@ -18,6 +18,7 @@ from oracle_server.core.expression.parse import KEYWORDS
 from oracle_server.core.expression.patterns import MAX_PATTERNS
 from oracle_server.core.expression.reasons import WANTED, absent_at_an_element, reason, told
 from oracle_server.core.expression.results import certain, is_always_there, results
+from oracle_server.core.expression.spans import Span
 from oracle_server.core.expression.static import no_field
 from oracle_server.core.expression.stops import Absent, Failed
 from oracle_server.core.expression.tree import Literal
@@ -34,6 +35,7 @@ __all__ = [
     "FieldPath",
     "Literal",
     "Problem",
+    "Span",
     "absent_at_an_element",
     "certain",
     "check_rows",

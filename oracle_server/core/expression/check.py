@@ -13,9 +13,9 @@ from oracle_server.core.expression.checkcalls import called
 from oracle_server.core.expression.expression import Expression
 from oracle_server.core.expression.joint import Joint
 from oracle_server.core.expression.operands import Operand
+from oracle_server.core.expression.spans import Spans
 from oracle_server.core.expression.static import (
     BOOL,
-    REAL,
     TEXT,
     WHOLE,
     Elements,
@@ -28,6 +28,7 @@ from oracle_server.core.expression.static import (
     no_field,
     not_single,
     result_of,
+    written,
 )
 from oracle_server.core.expression.tokens import comments, place
 from oracle_server.core.expression.tree import Node
@@ -62,9 +63,9 @@ def result_kind(expression: Expression, shape: Shape | None) -> ValueKind | None
     return kind(_Checker(expression, shape).of(expression.tree))
 
 
-def known_value(expression: Expression, node: Node, shape: Shape | None) -> Static:
+def known(expression: Expression, node: Node, shape: Shape | None) -> Operand:
     """What is known of the value of a part that stands in no comprehension, over messages of a shape."""
-    return _Checker(expression, shape).of(node)
+    return _Checker(expression, shape).operand(node)
 
 
 def check_rows(each: Expression, shape: Shape | None) -> list[Problem]:
@@ -82,7 +83,7 @@ def check_rows(each: Expression, shape: Shape | None) -> list[Problem]:
 
 def _row(each: Expression, shape: Shape | None) -> list[tuple[str, Static, bool]]:
     """What is known of a row's element and place, in the order of `ROW`, and whether they are read from the message."""
-    return [("item", element(known_value(each, each.tree, shape)), True), ("index", WHOLE, False)]
+    return [("item", element(known(each, each.tree, shape).static), True), ("index", WHOLE, False)]
 
 
 class _Checker:
@@ -100,9 +101,12 @@ class _Checker:
         """The operands of `%`, by their identity: whole numbers, whatever is divided in them."""
         self._ends: dict[int, bool] = {}
         """The orders that are the ends of an interval, by their identity, with what they may well always come to."""
-        self._joint = Joint(lambda node: self._known.get(id(node)))
+        self._guards: dict[int, tuple[bool, ...]] = {}
+        """The same of what is asked before something else is read, where that is the length of a list."""
+        self._spans = Spans(lambda node: self._known.get(id(node)))
+        self._joint = Joint(lambda node: self._known.get(id(node)), self._spans)
         self._rules: dict[type, Callable[[Any], Static]] = {
-            tree.Literal: _literal,
+            tree.Literal: lambda node: written(node.value),
             tree.Path: self._path,
             tree.Variable: self._variable,
             tree.Field: lambda node: self._member(self.of(node.of), node.name, node.place, self._snippet(node.of)),
@@ -199,7 +203,7 @@ class _Checker:
         return element(whole)
 
     def _unary(self, node: tree.Unary) -> Static:
-        operand = self._operand(node.of)
+        operand = self.operand(node.of)
         if node.mark == "!":
             self._told(node.start, operands.boolean("!", operand))
             return BOOL
@@ -213,9 +217,9 @@ class _Checker:
             if "%" in beside:
                 self._shares.add(id(part))
         whole = len(marks) if id(node) in self._shares else _last(marks, "%")
-        left = self._operand(node.first)
+        left = self.operand(node.first)
         for i, (mark, part) in enumerate(node.rest):
-            right = self._operand(part)
+            right = self.operand(part)
             self._told(node.start, operands.arithmetic(mark, left, right))
             if mark == "/":
                 self._divided(left, right, told=i >= whole)
@@ -237,7 +241,7 @@ class _Checker:
         self._warn(left.node.start, f"{what}; write `{exact}` for the exact one")
 
     def _compare(self, node: tree.Compare) -> Static:
-        left, right = self._operand(node.left), self._operand(node.right)
+        left, right = self.operand(node.left), self.operand(node.right)
         if node.mark == "in":
             self._inside(node, left, right)
         else:
@@ -254,7 +258,8 @@ class _Checker:
         found = settled.settled(node.mark, left, right, self._number(left.node) or self._number(right.node))
         if found is None and self._is_read(left.node):
             found = settled.itself(node.mark, left, right)
-        if found is not None and self._ends.get(id(node)) is not found[0]:
+        guards = self._guards.get(id(node), ()) if settled.is_of_a_length(left, right) else ()
+        if found is not None and self._ends.get(id(node)) is not found[0] and found[0] not in guards:
             outcome = "always" if found[0] else "never"
             self._warn(node.start, f"`{self._snippet(node)}` is {outcome} true: {found[1]}")
 
@@ -279,7 +284,7 @@ class _Checker:
 
     def _inside(self, node: tree.Compare, left: Operand, right: Operand) -> None:
         if isinstance(node.right, tree.ListOf):
-            self._one_of(node, left, [self._operand(item) for item in node.right.items])
+            self._one_of(node, left, [self.operand(item) for item in node.right.items])
         elif isinstance(right.static, Many | Elements):
             stand_in = Operand(node.right, f"{right.text}[0]", element(right.static))
             self._told(node.start, operands.equal("in", left, stand_in))
@@ -306,17 +311,19 @@ class _Checker:
 
     def _joined(self, node: tree.Joined) -> Static:
         self._ends |= {id(part): node.mark == "&&" for part in settled.ends(node, self._text)}
+        self._guards |= {id(part): (node.mark == "&&",) for part in node.parts}
         told = len(self.problems)
         for part in node.parts:
-            self._told(part.start, operands.boolean(node.mark, self._operand(part)))
+            self._told(part.start, operands.boolean(node.mark, self.operand(part)))
         if len(self.problems) == told and (doubt := self._joint.told(node, self._snippet)) is not None:
             self._warn(node.start, doubt)
         return BOOL
 
     def _choice(self, node: tree.Choice) -> Static:
         found, told = [], len(self.problems)
+        self._guards |= {id(test): (True, False) for test, _ in node.cases}
         for test, value in node.cases:
-            self._told(test.start, operands.boolean("?", self._operand(test)))
+            self._told(test.start, operands.boolean("?", self.operand(test)))
             found.append(self.of(value))
         for test, doubt in self._joint.unreached(node, self._snippet) if len(self.problems) == told else ():
             self._warn(test.start, doubt)
@@ -326,7 +333,7 @@ class _Checker:
         return last
 
     def _call(self, node: tree.Call) -> Static:
-        arguments = [self._operand(argument) for argument in node.arguments]
+        arguments = [self.operand(argument) for argument in node.arguments]
         static, told = called(node, arguments)
         for severity, message in told:
             self.problems.append(Problem(message, place(self._text, node.start), severity))
@@ -341,15 +348,15 @@ class _Checker:
         return BOOL
 
     def _loop(self, node: tree.Loop) -> Static:
-        whole = self._operand(node.of)
+        whole = self.operand(node.of)
         if isinstance(whole.static, Value):
             more = not_single(whole.static, whole.text)
             self._error(node.start, f"{whole}, and `{node.kind}` takes a list{more}")
         each = TEXT if isinstance(whole.static, Record) else element(whole.static)
         self._variables.append((node.variable, each, self._is_read(node.of)))
         if node.when is not None:
-            self._told(node.when.start, operands.boolean(node.kind, self._operand(node.when)))
-        body = self._operand(node.body)
+            self._told(node.when.start, operands.boolean(node.kind, self.operand(node.when)))
+        body = self.operand(node.body)
         if node.kind != "map":
             self._told(node.body.start, operands.boolean(node.kind, body))
         self._variables.pop()
@@ -369,8 +376,9 @@ class _Checker:
             self.of(value)
         return None
 
-    def _operand(self, node: Node) -> Operand:
-        return Operand(node, self._snippet(node), self.of(node))
+    def operand(self, node: Node) -> Operand:
+        """A part with what is known of its value."""
+        return Operand(node, self._snippet(node), self.of(node), self._spans.of(node))
 
     def _snippet(self, node: Node) -> str:
         return " ".join(self._text[node.start : node.end].split())
@@ -384,11 +392,6 @@ class _Checker:
 
     def _warn(self, at: int, message: str) -> None:
         self.problems.append(Problem(message, place(self._text, at), "warning"))
-
-
-def _literal(node: tree.Literal) -> Static:
-    known = {int: WHOLE, float: REAL, bool: BOOL, str: TEXT}
-    return known.get(type(node.value))
 
 
 def _last(marks: Sequence[str], wanted: str) -> int:

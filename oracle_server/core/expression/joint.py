@@ -6,23 +6,31 @@ others may hold or not, so that what is found is certain, and not all is found.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from math import ceil, floor, inf, isfinite
 from typing import Any, Final
 
-from oracle_server.core.expression.static import Static, is_number, kind
-from oracle_server.core.expression.tree import Call, Choice, Compare, Joined, ListOf, Literal, Node, Unary, walk
+from oracle_server.core.expression.spans import Known, Span, Spans
+from oracle_server.core.expression.static import Static, kind
+from oracle_server.core.expression.tree import (
+    Call,
+    Choice,
+    Compare,
+    Joined,
+    Key,
+    ListOf,
+    Literal,
+    Node,
+    Unary,
+    key_of,
+    walk,
+)
 from oracle_server.core.expression.values import NOT_FINITE, ORDER
 
 Outcomes = frozenset[bool]
 """What a condition may come to; none where it fails, or is absent."""
-Key = Hashable
-"""A part of an expression, without its place."""
-Known = Callable[[Node], Static]
-"""What is known of the value of a part."""
 Snippet = Callable[[Node], str]
 """The text of a part."""
 
@@ -30,15 +38,14 @@ _EITHER: Final = frozenset({True, False})
 _NEITHER: Final[Outcomes] = frozenset()
 _MOST: Final = 20_000
 """How many nodes are looked at for one expression: beyond, nothing is found."""
-_PLACES: Final = frozenset({"start", "end", "place", "places"})
 _NUMBER_LIKE: Final = tuple(NOT_FINITE)
 
 
 class Joint:
     """What can be said of the conditions of one expression, within a bound."""
 
-    def __init__(self, known: Known) -> None:
-        self._known, self._left = known, _MOST
+    def __init__(self, known: Known, spans: Spans) -> None:
+        self._known, self._spans, self._left = known, spans, _MOST
         self._keys: dict[int, Key] = {}
         """Of parts that were looked at, by their identity."""
 
@@ -46,7 +53,8 @@ class Joint:
         """What is said of joined parts that come to the same wherever they come to anything."""
         for key, operand, values in ((None, None, [None]), *self._operands((node,))):
             found = self._all(node, key, values)
-            if len(found) == 1 and self._left >= 0:
+            ends = operand is not None and found == {node.mark == "&&"}  # of an interval that has all values
+            if len(found) == 1 and not ends and self._left >= 0:
                 mend = "`||` where one of them is enough" if node.mark == "&&" else "`&&` where all of them are asked"
                 never = f"never {'false' if True in found else 'true'}"
                 whatever = "the message is" if operand is None else f"`{snippet(operand)}` is; write {mend}"
@@ -84,7 +92,11 @@ class Joint:
         for key, found in asked.items():
             if len(found) > 1 and self._left >= 0:
                 operand = found[0][0]
-                yield key, operand, _values(self._known(operand), [v for _, literals in found for v in literals])
+                yield (
+                    key,
+                    operand,
+                    _values(self._known(operand), self._spans.of(operand), [v for _, ls in found for v in ls]),
+                )
 
     def _of(self, node: Node, key: Key, value: Any) -> Outcomes:
         """What a condition may come to where an operand has a value."""
@@ -104,7 +116,7 @@ class Joint:
 
     def _key(self, node: Node) -> Key:
         if id(node) not in self._keys:
-            self._keys[id(node)] = _key(node)
+            self._keys[id(node)] = key_of(node)
         return self._keys[id(node)]
 
 
@@ -168,6 +180,11 @@ def _compare(node: Compare, value: Any) -> Outcomes:
     return frozenset({bool(ORDER[node.mark](*sides))})
 
 
+def _beyond(text: str, span: Span) -> bool:
+    """Whether an infinity, as a text, is beyond the numbers of a span."""
+    return (text == "Infinity" and isfinite(span.most)) or (text == "-Infinity" and isfinite(span.least))
+
+
 def _equal(value: Any, wanted: Any) -> bool:
     if _number(value) and _number(wanted):
         return bool(value == wanted)
@@ -178,29 +195,22 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float | Fraction) and not isinstance(value, bool)
 
 
-def _values(static: Static, literals: Sequence[Any]) -> list[Any]:
+def _values(static: Static, span: Span | None, literals: Sequence[Any]) -> list[Any]:
     """Values of an operand, as far as its kind is known: those that it is compared with, between them, and beyond."""
-    numbers = sorted({Fraction(v) for v in literals if _number(v) and isfinite(v)})
+    ends = () if span is None else (span.least, span.most)
+    numbers = sorted({Fraction(v) for v in (*literals, *ends) if _number(v) and isfinite(v)})
     if kind(static) == "whole":
         made = [Fraction(n) for v in numbers for n in (floor(v) - 1, floor(v), ceil(v), ceil(v) + 1)]
     else:
         between = [(a + b) / 2 for a, b in pairwise(numbers)]
         made = [*numbers, *between, *([numbers[0] - 1, numbers[-1] + 1] if numbers else [Fraction(0)])]
+    if span is not None:
+        made = [number for number in made if span.least <= number <= span.most]
+        odd = [] if span.whole else [text for text in NOT_FINITE if not _beyond(text, span)]
+        return [*(made or [Fraction(0)]), *odd]
     texts = {v for v in literals if isinstance(v, str)}
     new = "x" * (1 + max(map(len, texts), default=0))
     if kind(static) == "bool":
         return [True, False]
-    if is_number(static):
-        return [*(made or [Fraction(0)]), *_NUMBER_LIKE]
     found = [*sorted(texts), new, *_NUMBER_LIKE]
     return found if kind(static) in ("text", "bytes") else [True, False, *made, *found, None]
-
-
-def _key(node: Any) -> Key:
-    """A part of an expression without its places, so that parts are compared by what they say."""
-    if isinstance(node, tuple):
-        return tuple(_key(each) for each in node)
-    if not dataclasses.is_dataclass(node):
-        return type(node).__name__, node
-    fields = [f.name for f in dataclasses.fields(node) if f.name not in _PLACES]
-    return type(node).__name__, *(_key(getattr(node, name)) for name in fields)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from oracle_server.core.expression.spans import Span
 from oracle_server.core.expression.static import (
     INFINITE,
     NOT_FINITE,
@@ -25,11 +26,12 @@ _NUMBER = re.compile(r"[+-]?\d+(\.\d+)?", re.ASCII)
 
 @dataclass(frozen=True, slots=True)
 class Operand:
-    """A part of an expression: its text, and what is known of its value."""
+    """A part of an expression: its text, and what is known of its value; `span` where that is a number."""
 
     node: Node
     text: str
     static: Static
+    span: Span | None = None
 
     def __str__(self) -> str:
         literal = isinstance(self.node, Literal)

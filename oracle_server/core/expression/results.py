@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from oracle_server.core.expression import tree
-from oracle_server.core.expression.check import known_value
+from oracle_server.core.expression.check import known
 from oracle_server.core.expression.expression import Expression
+from oracle_server.core.expression.spans import Span
 from oracle_server.core.expression.tree import Literal, Node
 from oracle_server.core.shapes import Many, Record, Shape, Value
 
@@ -17,8 +18,8 @@ _NEVER_ABSENT = (
 """The parts that have a value, or fail, where all parts under them do."""
 
 
-def results(expression: Expression, shape: Shape | None) -> Iterator[Literal | Value | None]:
-    """What each choice gives over messages of a shape: what is written out, a value of a kind, or None for anything."""
+def results(expression: Expression, shape: Shape | None) -> Iterator[Literal | Span | Value | None]:
+    """What each choice gives over messages of a shape: what is written out, numbers, a kind, or None for anything."""
     waiting = [expression.tree]
     while waiting:
         node = waiting.pop()
@@ -27,8 +28,8 @@ def results(expression: Expression, shape: Shape | None) -> Iterator[Literal | V
         elif isinstance(node, Literal):
             yield node
         else:
-            static = known_value(expression, node, shape)
-            yield static if isinstance(static, Value) else None
+            found = known(expression, node, shape)
+            yield found.span or (found.static if isinstance(found.static, Value) else None)
 
 
 def is_always_there(expression: Expression, shape: Shape) -> bool:

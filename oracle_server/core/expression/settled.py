@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
+from math import floor
 
 from oracle_server.core.expression.operands import Operand
+from oracle_server.core.expression.spans import Span, reads
 from oracle_server.core.expression.static import NOT_FINITE, is_number, kind
-from oracle_server.core.expression.tree import Call, Chain, Compare, Joined, Literal, Loop, Node, Variable, walk
-from oracle_server.core.shapes import WHOLE_NUMBERS, Value
+from oracle_server.core.expression.tree import Call, Compare, Joined, Literal, Loop, Node, Variable, walk
+from oracle_server.core.expression.values import ORDER
+from oracle_server.core.shapes import Value
 
-_FLIPPED = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}
 _NAMES = {"nan": "NaN", "inf": "Infinity", "infinity": "Infinity"}
 Settled = tuple[bool, str]
 """What a comparison always comes to, and why."""
@@ -21,15 +22,11 @@ def settled(mark: str, one: Operand, other: Operand, number: Operand | None) -> 
 
     `number` is what one side makes a text by `string`, where it does.
     """
+    found = _by_span(mark, one, other)
+    if found is not None or mark not in ("==", "!="):
+        return found
     if isinstance(one.node, Literal):
-        one, other, mark = other, one, _FLIPPED.get(mark, mark)
-    if not isinstance(other.node, Literal):
-        return None
-    value = other.node.value
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return _by_range(mark, one, value)
-    if mark not in ("==", "!="):
-        return None
+        one, other = other, one
     why = never_text(one, other) or (never_named(mark, number, other) if number else None)
     return (mark == "!=", why) if why else None
 
@@ -73,12 +70,20 @@ def ends(node: Joined, text: str) -> Iterator[Compare]:
     """The orders of a part with numbers that stand beside another such order of it: the ends of an interval."""
     found: dict[str, list[Compare]] = {}
     for part in node.parts:
-        if isinstance(part, Compare) and part.mark in _FLIPPED:
+        if isinstance(part, Compare) and part.mark in ORDER:
             side = part.right if isinstance(part.left, Literal) else part.left
             found.setdefault("".join(text[side.start : side.end].split()), []).append(part)
     for parts in found.values():
         if len(parts) > 1:
             yield from parts
+
+
+def is_of_a_length(*sides: Operand) -> bool:
+    """Whether a comparison asks how long a list is that is always as long: that may guard what reads its elements."""
+    return any(
+        isinstance(o.node, Call) and o.node.name == "size" and o.span is not None and o.span.least == o.span.most
+        for o in sides
+    )
 
 
 def _untrimmed(node: Node) -> Node:
@@ -97,35 +102,23 @@ def unread(node: Loop, body: str) -> str | None:
     return f"`{body}` reads nothing of `{node.variable}`, so that `{node.kind}` asks the same of each element"
 
 
-def _by_range(mark: str, one: Operand, number: float) -> Settled | None:
-    found = _bounds(one)
-    if found is None:
+def _by_span(mark: str, one: Operand, other: Operand) -> Settled | None:
+    a, b = one.span, other.span
+    if a is None or b is None or not (reads(one.node) or reads(other.node)):
         return None
-    least, most, is_whole, what = found
-    never = {
-        "==": not least <= number <= most or (is_whole and number != int(number)),
-        "<": least >= number, "<=": least > number, ">": most <= number, ">=": most < number,
+    apart = a.most < b.least or b.most < a.least or _no_whole(a, b) or _no_whole(b, a)
+    same = a.least == a.most == b.least == b.most
+    outcomes = {
+        "==": (same, apart), "!=": (apart, same),
+        "<": (a.most < b.least, a.least >= b.most), "<=": (a.most <= b.least, a.least > b.most),
+        ">": (a.least > b.most, a.most <= b.least), ">=": (a.least >= b.most, a.most < b.least),
     }  # fmt: skip
-    always = {
-        "!=": never["=="],
-        "<": most < number, "<=": most <= number, ">": least > number, ">=": least >= number,
-    }  # fmt: skip
-    if never.get(mark):
-        return False, f"`{one.text}` {what}"
-    return (True, f"`{one.text}` {what}") if always.get(mark) else None
+    always, never = outcomes.get(mark, (False, False))
+    if not (always or never):
+        return None
+    return always, " and ".join(f"`{o.text}` {o.span}" for o in (one, other) if reads(o.node))
 
 
-def _bounds(one: Operand) -> tuple[float, float, bool, str] | None:
-    """The least and the largest value of a part, whether it is a whole number, and this in words."""
-    match one.node:
-        case Call(name="size"):
-            return 0, 2**63, True, "is always a whole number that is not negative"
-        case Call(name="abs" | "sqrt"):
-            return 0, inf, False, "is never negative"
-        case Chain(rest=[*_, ("%", Literal(int(by)))]) if by:
-            most = abs(by) - 1
-            return -most, most, True, f"is what is left of a division by {by}, and at most {most}"
-    if isinstance(one.static, Value) and one.static.kind == "whole" and one.static.type in WHOLE_NUMBERS:
-        least, largest = WHOLE_NUMBERS[one.static.type]
-        return least, largest, True, f"is {one.static.type}, always a whole number from {least} to {largest}"
-    return None
+def _no_whole(one: Span, other: Span) -> bool:
+    """Whether one has whole numbers alone, and the other a single one that is none."""
+    return one.whole and other.least == other.most and other.least != floor(other.least)

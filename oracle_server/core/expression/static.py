@@ -40,6 +40,11 @@ def kind(static: Static) -> ValueKind | None:
     return static.kind if isinstance(static, Value) else None
 
 
+def written(value: object) -> Static:
+    """What is known of a value that is written out."""
+    return {int: WHOLE, float: REAL, bool: BOOL, str: TEXT}.get(type(value))
+
+
 def is_number(static: Static) -> bool:
     """Whether a value is known to be a number."""
     return kind(static) in ("whole", "real")

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
+
+Key = Hashable
+"""A part of an expression, without its place."""
+_PLACES = frozenset({"start", "end", "place", "places"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,3 +209,13 @@ def walk(node: Node) -> list[Node]:
     for each in found:
         found += children(each)
     return found
+
+
+def key_of(node: Any) -> Key:
+    """A part of an expression without its places, so that parts are compared by what they say."""
+    if isinstance(node, tuple):
+        return tuple(key_of(each) for each in node)
+    if not dataclasses.is_dataclass(node):
+        return type(node).__name__, node
+    fields = [f.name for f in dataclasses.fields(node) if f.name not in _PLACES]
+    return type(node).__name__, *(key_of(getattr(node, name)) for name in fields)
