@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from oracle_server.core.expression import tree
 from oracle_server.core.expression.check import known
 from oracle_server.core.expression.expression import Expression
-from oracle_server.core.expression.spans import Span
+from oracle_server.core.expression.spans import Span, reads
 from oracle_server.core.expression.tree import Literal, Node
 from oracle_server.core.shapes import Many, Record, Shape, Value
 
@@ -29,7 +29,8 @@ def results(expression: Expression, shape: Shape | None) -> Iterator[Literal | S
             yield node
         else:
             found = known(expression, node, shape)
-            yield found.span or (found.static if isinstance(found.static, Value) else None)
+            span = found.span if reads(node) else None  # of what reads nothing that is told
+            yield span or (found.static if isinstance(found.static, Value) else None)
 
 
 def is_always_there(expression: Expression, shape: Shape) -> bool:
