@@ -12,6 +12,7 @@ from typing import Literal
 
 from oracle_server.core.decided import decided, followed
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.excluded import excluded
 from oracle_server.core.formula.ahead import looks_ahead, obligation
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_atom
@@ -132,6 +133,10 @@ class _Seen:
         settled = list(self._settled(told))
         yield from settled
         yield from _apart_from(settled, spanned(self.prop.formula, self.places))
+        if self.prop.says == "formula":
+            yield from excluded(
+                self.prop.formula, self.known, self.places, self.prop.time, self.effort, told | fitting | within
+            )
         yield from self._unused_guards()
 
     def _idle(self, occurrence: Occurrence[Formula]) -> list[Place]:

@@ -139,12 +139,10 @@ class Worlds:
                 # as the whole holds for each value of its own, whichever value decides the quantifier
                 self._quantifiers += 1
                 return self._compiled(body, {**scope, variable: self._quantifiers})
-            case (
-                Once(operand, Bound(lower=0))
-                | Since(_, operand, Bound(lower=0))
-                | Eventually(operand, Bound(lower=0))
-                | Until(_, operand, Bound(lower=0))
-            ):
+            case Since(left, right, bound) | Until(left, right, bound):
+                kept, begun = self._compiled(left, scope), self._compiled(right, scope)
+                return _lasting(kept, begun if bound.lower == 0 else None)
+            case Once(operand, Bound(lower=0)) | Eventually(operand, Bound(lower=0)):
                 now = self._compiled(operand, scope)
                 return lambda world, known: now(world, known) or None
             case Historically(operand, Bound(lower=0)) | Always(operand, Bound(lower=0)):
@@ -227,6 +225,16 @@ def _is_sure(place: Place, constraint: Constraint) -> bool:
     if constraint.key in place.constants and not isinstance(constraint.value, Ref | Limit):
         return meets(constraint, place.constants[constraint.key])
     return place.sure(constraint)
+
+
+def _lasting(kept: _Run, begun: _Run | None) -> _Run:
+    """`since` and `until`: what begins them, or ends them, may do so now, or else all of it is past, or to come."""
+
+    def run(world: _World, known: Sequence[Truth]) -> Truth:
+        now = False if begun is None else begun(world, known)
+        return True if now is True else False if now is False and kept(world, known) is False else None
+
+    return run
 
 
 def _negated(value: Truth) -> Truth:
