@@ -44,7 +44,8 @@ class EpisodeModel(BaseModel):
     final: bool = Field(description="Whether it is violated for good")
     count: int = Field(description="How many violations it is")
     worst: dict[str, Any] | None = Field(
-        description="The least `robustness`, or the `value` of a `signal` furthest from its `bound`"
+        description="The least `robustness`, or the `value` of a `signal` furthest from its `bound`, of those where "
+        "the property became negative: while it stays so, they may be worse"
     )
     explanation: str | None = Field(description="Why the first verdict is negative")
 
