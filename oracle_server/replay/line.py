@@ -102,8 +102,10 @@ def read_line(text: bytes) -> Found:
         raise ValueError("it is not UTF-8 text") from None
     except TypeError:
         raise ValueError("it is no JSON object; write one a line, as {…}") from None
-    except ValueError:
+    except UnicodeEncodeError:
         raise ValueError("it has half a surrogate pair, which is no text") from None
+    except ValueError as error:
+        raise ValueError(f"it has {error}") from None
     own = "stream" in value
     fields, fault = (value, "") if own else _of_flat(value)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, suppress
@@ -71,7 +72,7 @@ class SqliteFile:
         return database
 
     def _connected(self, path: Path, how: str) -> sqlite3.Connection:
-        database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?{how}", uri=True)
+        database = sqlite3.connect(f"file:{quote(os.fsencode(path.absolute()))}?{how}", uri=True)
         self._stack.callback(database.close)
         return database
 

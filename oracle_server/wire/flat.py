@@ -6,6 +6,7 @@ Those of actions are the project's own: `ros_action`, `kind`, `goal_id`, `status
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Container, Mapping
 from typing import Any, NamedTuple
 
@@ -43,11 +44,20 @@ def decode_object(text: bytes | str) -> dict[str, Any]:
     except OverflowError as error:
         raise ValueError(str(error)) from None
     except msgspec.DecodeError:
-        value = json.loads(text, parse_constant=str)
+        value = _leniently(text)
         msgspec.json.encode(value)  # half a surrogate pair, which json reads, could not be kept
     if not isinstance(value, dict):
         raise TypeError("expected a JSON object")
     return value
+
+
+def _leniently(text: bytes | str) -> Any:
+    try:
+        return json.loads(text, parse_constant=str)
+    except json.JSONDecodeError:
+        raise
+    except ValueError:  # Python's own words name a setting that nobody can set here
+        raise ValueError(f"a whole number with more than {sys.get_int_max_str_digits():,} digits") from None
 
 
 def flat_event(value: Mapping[str, Any]) -> FlatEvent:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import sys
 import tarfile
 from pathlib import Path
 
@@ -67,3 +69,15 @@ def test_what_can_not_be_unpacked_is_said(spec: Path, bag: Path, tmp_path: Path)
         packed.addfile(tarfile.TarInfo("readme.txt"), io.BytesIO())
     with pytest.raises(TraceError, match=r"other\.tar: can't be read as a bag: it has no metadata\.yaml"):
         judge(spec, path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are texts")
+@pytest.mark.parametrize("packed", [False, True])
+def test_names_that_are_no_utf_8_are_read(packed: bool, spec: Path, bag: Path, tmp_path: Path) -> None:
+    """As those of an old machine, or of an archive that was packed on one."""
+    (file,) = bag.glob("*.db3")
+    folder = tmp_path / os.fsdecode(b"m\xe4rz")
+    folder.mkdir()
+    file.rename(folder / os.fsdecode(b"m\xe4rz.db3"))
+    found = judge(spec, pack(folder, tmp_path / "bag.tar", tarfile.GNU_FORMAT) if packed else folder)
+    assert (found.summary["events"], found.exit) == (20, 0)

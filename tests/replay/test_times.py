@@ -264,6 +264,15 @@ BROKEN: dict[str, tuple[str, str]] = {
     "no message": ('{"stream": "/a"}', "the field `data` is missing"),
     "odd places": ('{"stream": "/a", "data": {}, "places": 5}', "`places` is 5, which it can't be"),
     "odd things in it": ('{"stream": "/a", "data": {}, "failed": [5]}', "`failed` is a list of 1, which it can't be"),
+    "half a pair": ('{"stream": "/a", "data": {"x": "\\ud800"}}', "it has half a surrogate pair, which is no text"),
+    "many digits": (
+        f'{{"stream": "/a", "data": {{"x": {"9" * 5000}}}}}',
+        "it has a whole number with more than 4,300 digits",
+    ),
+    "many exponents": (
+        f'{{"stream": "/a", "data": {{"x": [{", ".join(["1e-310"] * 4001)}]}}}}',
+        "it has more than 4000 numbers with exponents of three digits",
+    ),
 }
 
 
