@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+import structlog.testing
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.query import Query
@@ -111,3 +112,15 @@ async def read(history: SqliteHistory) -> None:
 async def test_a_time_that_is_none_keeps_no_server_from_starting(tmp_path: Path, history: SqliteHistory) -> None:
     damage(tmp_path, "steps SET judged = '[]' WHERE session = 1 AND position = 3")
     assert await history.last_time() == 300
+
+
+async def test_a_closed_session_whose_state_can_not_be_read_hides_no_other(
+    tmp_path: Path, history: SqliteHistory
+) -> None:
+    history.close_session(2, 6, {"id": "s2"})
+    await history.flush()
+    damage(tmp_path, "sessions SET state = '{' WHERE number = 1")
+    with structlog.testing.capture_logs() as logs:
+        for _ in range(2):
+            assert await history.closed_states(10) == [{"id": "s2"}]
+    assert [line["error"][:64] for line in logs] == ["the history is damaged: the state of session s1 can't be read (D"]

@@ -137,7 +137,7 @@ class PostgresHistory(SqlHistory):
 
     async def open_sessions(self) -> list[SessionRecord]:
         """The sessions of this node that are not closed."""
-        return await self._reader.all(session_of, sharing.OWN_OPEN, (self._node,))
+        return await self._reader.sound(session_of, sharing.OWN_OPEN, (self._node,))
 
     async def elsewhere(self, name: str) -> Elsewhere | None:
         """Which node has a session that is open, by its id; None where it is closed or unknown."""

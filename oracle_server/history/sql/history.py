@@ -270,7 +270,7 @@ class SqlHistory:
 
     async def open_sessions(self) -> list[SessionRecord]:
         """The sessions that are not closed, but those that robots forward."""
-        return await self._reader.all(session_of, OPEN)
+        return await self._reader.sound(session_of, OPEN)
 
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""
@@ -289,7 +289,7 @@ class SqlHistory:
 
     async def closed_states(self, limit: int, whose: Whose = ALL) -> list[Document]:
         """How the closed sessions stood of which it is asked, the newest first."""
-        return await self._reader.all(document_of, *closed(whose, limit))
+        return await self._reader.sound(document_of, *closed(whose, limit))
 
     async def monitors(self, session: int) -> list[MonitorRecord]:
         """The monitors of a session."""

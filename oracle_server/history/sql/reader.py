@@ -9,6 +9,8 @@ from collections.abc import AsyncGenerator, Callable, Sequence
 from functools import partial
 from typing import ClassVar, TypeVar
 
+import structlog
+
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.readers import Readers
 from oracle_server.history.sql.database import Database
@@ -17,6 +19,7 @@ from oracle_server.history.sql.rows import Row
 T = TypeVar("T")
 R = TypeVar("R")
 Values = Sequence[object]
+log = structlog.get_logger()
 
 
 class Reader:
@@ -28,10 +31,19 @@ class Reader:
     def __init__(self, threads: Readers, sorting: Readers | None = None) -> None:
         """Read in some threads; put much in order in others, where given."""
         self._threads, self._sorting = threads, sorting or threads
+        self._told = set[str]()
 
     async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
         """What is made of each row, in the thread that reads them."""
         return await self.run(lambda reader: [make(row) for row in reader.execute(sql, values)])
+
+    async def sound(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
+        """The same without the rows of which it can't be made: the log tells of each once."""
+        found = await self.all(partial(_made, make), sql, values)
+        for error in {str(each) for each in found if isinstance(each, HistoryError)} - self._told:
+            self._told.add(error)
+            log.error("left alone", error=error)
+        return [each for each in found if not isinstance(each, HistoryError)]
 
     async def one(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> T | None:
         """What is made of the first row, None where there is none."""
@@ -107,3 +119,10 @@ class Reader:
 def _close(reader: Database, in_use: threading.Lock) -> None:
     with in_use:
         reader.close()
+
+
+def _made(make: Callable[[Row], T], row: Row) -> T | HistoryError:
+    try:
+        return make(row)
+    except HistoryError as error:
+        return error
