@@ -76,6 +76,7 @@ def _as_node(options: argparse.Namespace, stopping: Stopping) -> int:
         rospy.logfatal(str(error))
         status = 2
     finally:
+        stopping.calm()
         left = _in_time(lambda: rospy.signal_shutdown("the monitor has ended"))
     if replaced:
         rospy.logfatal(f"the monitor has ended: another node was started as {rospy.get_name()}")
@@ -143,6 +144,7 @@ def _run(options: argparse.Namespace, board: Board, stopping: Stopping, *, simul
         with suppress(SystemExit):  # a signal came, or the link has ended, while the master was asked
             monitor = _observe(link, board, names, stopping, simulated=simulated)
     finally:  # first what waits is settled: the master may hang
+        stopping.calm()
         close(link, rospy.logerr)
         if monitor is not None:
             _in_time(monitor.leave)

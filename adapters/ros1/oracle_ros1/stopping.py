@@ -35,8 +35,15 @@ class Stopping(threading.Event):
                 sys.exit(0)
             yield
         finally:
-            self._asking = False
-            signal.setitimer(signal.ITIMER_REAL, 0)  # else it would kill a Python that has begun to end
+            self.calm()
+
+    def calm(self) -> None:
+        """Raise nothing more: to be called before what must not be interrupted.
+
+        A signal that comes between the last statement within `asking_master` and its end would else raise again.
+        """
+        self._asking = False
+        signal.setitimer(signal.ITIMER_REAL, 0)  # else it would kill a Python that has begun to end
 
     def _asked(self) -> None:
         self.set()
