@@ -104,7 +104,7 @@ class _Checker:
         self._guards: dict[int, tuple[bool, ...]] = {}
         """The same of what is asked before something else is read, where that is the length of a list."""
         self._spans = Spans(lambda node: self._known.get(id(node)))
-        self._joint = Joint(lambda node: self._known.get(id(node)), self._spans)
+        self._joint = Joint(self._spans)
         self._rules: dict[type, Callable[[Any], Static]] = {
             tree.Literal: lambda node: written(node.value),
             tree.Path: self._path,

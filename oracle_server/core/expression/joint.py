@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import ceil, floor, inf, isfinite
 from typing import Any, Final
 
-from oracle_server.core.expression.spans import Known, Span, Spans
+from oracle_server.core.expression.spans import Span, Spans
 from oracle_server.core.expression.static import Static, kind
 from oracle_server.core.expression.tree import (
     Call,
@@ -44,8 +44,8 @@ _NUMBER_LIKE: Final = tuple(NOT_FINITE)
 class Joint:
     """What can be said of the conditions of one expression, within a bound."""
 
-    def __init__(self, known: Known, spans: Spans) -> None:
-        self._known, self._spans, self._left = known, spans, _MOST
+    def __init__(self, spans: Spans) -> None:
+        self._spans, self._left = spans, _MOST
         self._keys: dict[int, Key] = {}
         """Of parts that were looked at, by their identity."""
 
@@ -92,11 +92,8 @@ class Joint:
         for key, found in asked.items():
             if len(found) > 1 and self._left >= 0:
                 operand = found[0][0]
-                yield (
-                    key,
-                    operand,
-                    _values(self._known(operand), self._spans.of(operand), [v for _, ls in found for v in ls]),
-                )
+                compared = [value for _, literals in found for value in literals]
+                yield key, operand, _values(self._spans.known(operand), self._spans.of(operand), compared)
 
     def _of(self, node: Node, key: Key, value: Any) -> Outcomes:
         """What a condition may come to where an operand has a value."""

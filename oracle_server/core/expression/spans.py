@@ -72,13 +72,13 @@ class Spans:
     """The spans of the parts of one expression, by what is known of the value of each."""
 
     def __init__(self, known: Known) -> None:
-        self._known = known
+        self.known = known
         self._found: dict[int, Span | None] = {}
 
     def of(self, node: Node) -> Span | None:
         """The numbers that a part can be, None where it may be none, or nothing is known."""
         if id(node) not in self._found:
-            self._found[id(node)] = self._of(node) or _typed(self._known(node))
+            self._found[id(node)] = self._of(node) or _typed(self.known(node))
         return self._found[id(node)]
 
     def _of(self, node: Node) -> Span | None:
@@ -130,7 +130,7 @@ class Spans:
         elif isinstance(first, ListOf) and first.items:
             found = [self._number(item) for item in first.items]
         else:
-            found = [_typed(element(self._known(first))) or REAL]
+            found = [_typed(element(self.known(first))) or REAL]
         pick = min if node.name == "min" else max
         least, most = pick(f.least for f in found), pick(f.most for f in found)
         return _within((least, most), whole=all(f.whole for f in found))
@@ -143,7 +143,7 @@ class Spans:
             found = self._length(of.of)
             some = of.kind == "filter" or of.when is not None
             return found and (0 if some else found[0], found[1])
-        static = self._known(of)
+        static = self.known(of)
         length = static.length if isinstance(static, Many) else None
         return None if length is None else (length, length)
 
