@@ -11,10 +11,12 @@ import pytest
 import structlog.testing
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.query import Query
 from oracle_server.history.records import MonitorRecord, Refusal
 from oracle_server.history.sqlite.history import SqliteHistory
 from tests.history.making import opened, step
+from tests.postgres import Postgres
 
 PLACE = "the history is damaged: the step at position 2 of session number 1 can't be read "
 
@@ -124,3 +126,21 @@ async def test_a_closed_session_whose_state_can_not_be_read_hides_no_other(
         for _ in range(2):
             assert await history.closed_states(10) == [{"id": "s2"}]
     assert [line["error"][:64] for line in logs] == ["the history is damaged: the state of session s1 can't be read (D"]
+
+
+async def test_sessions_that_can_not_be_read_hide_no_others_in_postgresql(postgres: Postgres) -> None:
+    url = postgres.empty()
+    history = await asyncio.to_thread(PostgresHistory, url)
+    history.start(asyncio.get_running_loop())
+    for number in range(1, 5):
+        history.open_session(opened(number, f"s{number}"))
+    for number in (1, 2):
+        history.close_session(number, 5, {"id": f"s{number}"})
+    await history.flush()
+    postgres.do("UPDATE sessions SET state = '{' WHERE number = 1", url)
+    postgres.do("UPDATE sessions SET properties = '[1]' WHERE number = 3", url)
+    assert await history.closed_states(10) == [{"id": "s2"}]
+    assert [session.id for session in await history.open_sessions()] == ["s4"]
+    with pytest.raises(HistoryError, match="the history is damaged: session number 3 can't be read"):
+        await history.session("s3")
+    await asyncio.to_thread(history.close)
