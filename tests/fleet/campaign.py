@@ -112,13 +112,14 @@ async def run_round(
     """
     trace = observed(countdowns=1)[:events]
     expected = await uninterrupted(DUO, trace, folder, {})
-    cluster = Cluster(postgres, spec_folder(folder), folder, chance)
+    spoilt = not SPOILING.isdisjoint(faults)
+    cluster = Cluster(postgres, spec_folder(folder), folder, chance, silences=spoilt)
     async with cluster:
         tolds = await _through(cluster, works(trace, sessions), trace, faults, chance, say)
         await cluster.whole()
         count = Count(Counter(map(name_of, faults)))
         for told in tolds:
-            records = await _assert_right(cluster.fleet, told, folder, expected, not SPOILING.isdisjoint(faults))
+            records = await _assert_right(cluster.fleet, told, folder, expected, spoilt)
             count.unknown += sum(record["outcome"] == "unknown" for record in records)
             count.records += len(records)
             count.acked += sum(link.acked for link in told.links)

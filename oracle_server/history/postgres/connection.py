@@ -7,8 +7,6 @@ import os
 import select
 import socket
 import threading
-import time
-import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -20,6 +18,7 @@ from psycopg.types.string import StrDumperUnknown, TextLoader
 
 from oracle_server.core.errors import HistoryError, UnansweredError
 from oracle_server.history.postgres.dialect import decoded, encoded, translated, values_of
+from oracle_server.history.postgres.watch import Watch
 from oracle_server.history.sql.batch import COLUMNS
 from oracle_server.history.sql.database import Cursor
 from oracle_server.history.sql.rows import Row
@@ -27,8 +26,6 @@ from oracle_server.history.sql.rows import Row
 T = TypeVar("T")
 _CONNECT_WITHIN = 5
 """Seconds for a connection to be made."""
-_LOOK_EVERY = 0.5
-"""Seconds between two looks for connections that have waited for too long."""
 _SESSION = (
     "-c client_encoding=UTF8 -c standard_conforming_strings=on -c client_connection_check_interval=1000 "
     "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3 -c client_min_messages=warning "
@@ -47,6 +44,9 @@ _OF_THE_NETWORK: dict[str, Any] = {
 """Of several hosts that which is no standby: such a one may lack what was committed, and nobody would see that."""
 UNFIT = (psycopg.DataError, psycopg.IntegrityError, psycopg.errors.ProgramLimitExceeded)
 """What is raised for a value that can't be kept, now or ever."""
+
+
+_watch = Watch()
 
 
 class _Text(StrDumperUnknown):
@@ -124,7 +124,7 @@ class Connection:
             with self.raw.cursor().copy(f"COPY {table} ({names}) FROM STDIN".encode()) as copy:
                 for row in rows:
                     copy.write_row(row)
-                    self._since = time.monotonic()  # many rows may take long; it is silence that is too long
+                    self._since = _watch.now()  # many rows may take long; it is silence that is too long
 
         if rows:
             self._timed(insert)
@@ -167,11 +167,11 @@ class Connection:
     def sever_if_silent(self) -> None:
         """End it where it has waited for an answer for too long."""
         since = self._since  # read once: the work may end meanwhile
-        if since and time.monotonic() - since > self._patience:
+        if since and _watch.now() - since > self._patience:
             self.interrupt()
 
     def _timed(self, work: Callable[[], T]) -> T:
-        self._since = time.monotonic()
+        self._since = _watch.now()
         try:
             with _told():
                 return work()
@@ -216,31 +216,3 @@ def _told() -> Iterator[None]:
 
 def _line(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
-
-
-class _Watch:
-    """A thread that ends connections whose server is silent: what waits for it would wait for ever."""
-
-    def __init__(self) -> None:
-        self._all: weakref.WeakSet[Connection] = weakref.WeakSet()
-        self._lock = threading.Lock()
-        self._thread: threading.Thread | None = None
-
-    def add(self, connection: Connection) -> None:
-        with self._lock:
-            self._all.add(connection)
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._run, name="history watch", daemon=True)
-                self._thread.start()
-
-    def _run(self) -> None:
-        while True:
-            time.sleep(_LOOK_EVERY)
-            with self._lock:
-                all_of_them = [*self._all]
-            for connection in all_of_them:
-                connection.sever_if_silent()
-            del all_of_them
-
-
-_watch = _Watch()
