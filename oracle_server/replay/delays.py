@@ -18,6 +18,10 @@ _HANDFUL = 5
 _LATE = "late, up to", "behind what was judged before"
 _SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
 _OVERTAKEN = "older than a deadline that was judged before: up to", "between stamp and arrival"
+_SIMULATED = (
+    "; where the stamps are in a simulation's time, and those of the recording are not, `--by arrival` judges by the "
+    "recording's alone; `ros2 bag record --use-sim-time` has both in the simulation's"
+)
 DAY = 86_400 * SECOND
 """For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
 
@@ -88,6 +92,4 @@ class Delays:
         if stream in self._stamps and found is not self._skewed:
             where = self._stamps[stream].field
             return f"; where `{where}` counts since the robot's start, as PX4's do, its `stamp` takes `epoch: boot`"
-        if found is self._overtaken:
-            return "; a simulation is recorded in its own time, as by `ros2 bag record --use-sim-time`"
-        return ""
+        return "" if found is self._skewed else _SIMULATED

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from oracle_server.core.errors import TraceError, one_line
-from oracle_server.rostypes.folders import package_of
+from oracle_server.rostypes.folders import definitions
 
 PARTS = ("Goal", "Result", "Feedback")
 """The parts of an action's definition, in their order."""
@@ -29,9 +29,9 @@ def typestore(folders: Sequence[Path]) -> Typestore:
     own: set[str] = set()
     store = get_typestore(Stores.LATEST)
     for folder in folders:
-        for path in sorted((*folder.rglob("*.msg"), *folder.rglob("*.action"))):
+        for path, package in definitions(folder, ("msg", "action")):
             try:
-                types = _types_in(path)
+                types = _types_in(path, package)
                 _replace(store, {name: t for name, t in types.items() if name not in own})
                 own |= types.keys()
             except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed file
@@ -54,8 +54,8 @@ def _replace(store: Typestore, types: dict[str, Any]) -> None:
     store.register(types)
 
 
-def _types_in(path: Path) -> dict[str, Any]:
-    text, name = path.read_text(encoding="utf-8"), f"{package_of(path)}/msg/{path.stem}"
+def _types_in(path: Path, package: str) -> dict[str, Any]:
+    text, name = path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}"
     if path.suffix == ".msg":
         return get_types_from_msg(text, name)
     parts = re.split(r"^---[^\S\n]*$", text, flags=re.MULTILINE)

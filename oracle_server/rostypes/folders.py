@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -17,31 +18,65 @@ _SHARES = (("AMENT_PREFIX_PATH", "share"), ("CMAKE_PREFIX_PATH", "share"), ("ROS
 """The variables that name what is sourced, and where the packages are in each of their folders."""
 _MOST = 1_000_000
 """Most characters of a definition."""
+_NAME = re.compile(r"<name>\s*([A-Za-z]\w*)\s*</name>")
+_ABOVE = 3
+"""So many folders above a definition's own may be its package's."""
 
 
 class TypesError(OracleError):
     """Definitions of types that can't be used; the text has a line for each file."""
 
 
-def package_of(path: Path) -> str:
-    """The package of a definition's file: `pkg/msg/Name.msg`, or `pkg/Name.msg`."""
-    return (path.parent.parent if path.parent.name == path.suffix[1:] else path.parent).resolve().name
+def definitions(folder: Path, kinds: Sequence[str] = KINDS) -> list[tuple[Path, str]]:
+    """The files below a folder that define types, each with its package, or several that it may be of.
+
+    A package is called as its `package.xml` says, whatever its folder is called, and has files in folders of its own,
+    as `pkg/parts/msg/Name.msg`. Without one it is called as its folder: `pkg/msg/Name.msg`, or `pkg/Name.msg`. Where
+    both may be meant both are there, and what is sure comes first.
+    """
+    names: dict[Path, list[tuple[int, str]]] = {}
+    found = []
+    for kind in kinds:
+        for path in sorted(folder.rglob(f"*.{kind}")):
+            own = (path.parent.parent if path.parent.name == kind else path.parent).resolve()
+            if own not in names:
+                names[own] = _packages_of(own)
+            found += [(rank, path, package) for rank, package in names[own]]
+    return [(path, package) for _, path, package in sorted(found, key=lambda each: each[0])]
+
+
+def _packages_of(folder: Path) -> list[tuple[int, str]]:
+    """What the package of a folder may be called, and in which rank: the least is the surest."""
+    for above, at in enumerate((folder, *folder.parents[:_ABOVE])):
+        name = _declared(at)
+        if name:
+            return [(1, folder.name), (2, name)] if above else [(0, name)]
+    return [(1, folder.name)]
+
+
+def _declared(folder: Path) -> str:
+    """What a folder's `package.xml` calls the package; empty where there is none, or none that can be read."""
+    try:
+        match = _NAME.search((folder / "package.xml").read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        return ""
+    return match[1] if match else ""
 
 
 def read_folder(folder: Path) -> dict[str, Fields]:
     """All messages that the files below a folder define, by their full names. Raises `TypesError`."""
-    paths = [path for kind in KINDS for path in sorted(folder.rglob(f"*.{kind}"))] if folder.is_dir() else []
-    if not paths:
+    defined = definitions(folder) if folder.is_dir() else []
+    if not defined:
         what = "has no .msg, .srv or .action files" if folder.is_dir() else "is no folder"
         raise TypesError(f"{folder}: {what}; name the folder of a package or of a workspace")
     found: dict[str, Fields] = {}
-    wrong = []
-    for path in paths:
+    wrong: dict[str, None] = {}
+    for path, package in defined:
         try:
-            for name, fields in read_file(path, package_of(path)).items():
+            for name, fields in read_file(path, package).items():
                 found.setdefault(name, fields)
         except TypesError as error:
-            wrong.append(str(error))
+            wrong[str(error)] = None
     if wrong:
         raise TypesError("\n".join(wrong))
     return found

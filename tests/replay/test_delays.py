@@ -60,6 +60,15 @@ def test_a_stream_that_is_skewed_is_said(tmp_path: Path) -> None:
     ]
 
 
+def test_stamps_of_a_simulation_beside_times_of_the_recording_are_said_with_their_mend(tmp_path: Path) -> None:
+    """A scan that is stamped by /clock, and a command without a stamp, which stands where it was recorded."""
+    found = judged(tmp_path, [-BASE // MS + 5000] * 20)
+    assert (found.exit, found.strict) == (0, 3)
+    (note,) = found.summary["notes"]
+    assert "late, up to 1.7" in note
+    assert "`--by arrival` judges by the recording's alone" in note
+
+
 @pytest.mark.parametrize("by", [-600, 5000])
 @pytest.mark.parametrize("off", [4, 8])
 def test_fewer_than_most_are_only_said(by: int, off: int, tmp_path: Path) -> None:
@@ -104,7 +113,7 @@ streams: [{topic: /goal}, {topic: /status}]
 properties: [{id: goals, pattern: '/goal causes /status within 500ms'}]
 """
 BEHIND = {
-    "a simulation": (BASE - 5000 * MS, "; a simulation is recorded in its own time, as by `ros2 bag record --use-"),
+    "a simulation": (BASE - 5000 * MS, "; where the stamps are in a simulation's time, and those of the rec"),
     "a slow link": (600 * MS, "/status: its 10 messages are older than a deadline that was judged before: up to 0.6 s"),
     "as fast as it must be": (200 * MS, ""),
 }

@@ -80,3 +80,15 @@ def test_the_first_folder_counts_and_what_none_has_is_as_in_the_newest_ros(tmp_p
     assert store.fielddefs.keys() == newest.fielddefs.keys()
     assert store.fielddefs["sensor_msgs/msg/Imu"] == newest.fielddefs["sensor_msgs/msg/Imu"]
     assert [name for name, _ in typestore([]).fielddefs["sensor_msgs/msg/Range"][1]][-1] == "variance"
+
+
+def test_a_bag_is_decoded_by_a_package_in_a_folder_of_another_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(SPEC)
+    source = folder(tmp_path / "src", HUMBLE) / "sensor_msgs"
+    (source / "package.xml").write_text("<package><name>sensor_msgs</name></package>")
+    source.rename(source.with_name("sensor_msgs-humble"))
+    assert run_replay([spec], write(tmp_path / "near", [1.0, 2.0]), None, "text", [tmp_path / "src"]) == 0
+    assert run_replay([spec], write(tmp_path / "far", [1.0, 9.0]), None, "text", [tmp_path / "src"]) == 1

@@ -115,6 +115,48 @@ def test_a_folder_defines_messages_services_and_actions(tmp_path: Path) -> None:
     assert "did you mean `State`?" in missing("arm_msgs/msg/Stat", types).message
 
 
+def package_xml(name: str) -> str:
+    return f"<?xml version='1.0'?>\n<package format='3'>\n  <name>{name}</name>\n  <description/>\n</package>\n"
+
+
+@pytest.mark.parametrize("given", [".", "arm_msgs-main", "arm_msgs-main/msg"])
+def test_a_package_is_called_as_it_says_whatever_its_folder_is_called(given: str, tmp_path: Path) -> None:
+    files = {"package.xml": package_xml("arm_msgs"), "msg/State.msg": "Joint joint\n", "msg/Joint.msg": "float64 q\n"}
+    package(tmp_path / "arm_msgs-main", files)
+    types = Types([tmp_path / given], {})
+    assert at(shape("arm_msgs/msg/State", types), ("joint", "q")) == Value("real", "float64")
+    assert missing("arm_msgs/msg/Stat", types).severity == "error"
+
+
+@pytest.mark.parametrize("given", [".", "arm_msgs", "arm_msgs/modes"])
+def test_a_package_has_definitions_in_folders_of_its_own(given: str, tmp_path: Path) -> None:
+    files = {
+        "package.xml": package_xml("arm_msgs"), "modes/msg/Mode.msg": "uint8 mode\n",
+        "modes/srv/Set.srv": "Mode to\n---\n"
+    }  # fmt: skip
+    package(tmp_path / "arm_msgs", files)
+    types = Types([tmp_path / given], {})
+    assert at(shape("arm_msgs/srv/Set_Request", types), ("to", "mode")) == Value("whole", "uint8")
+
+
+def test_types_that_are_gathered_within_a_package_are_of_those_that_they_are_called_by(tmp_path: Path) -> None:
+    files = {
+        "package.xml": package_xml("robot"), "a_types/arm_msgs/msg/State.msg": "float64 q\n",
+        "msg/State.msg": "bool on\n"
+    }  # fmt: skip
+    package(tmp_path / "robot", files)
+    types = Types([tmp_path], {})
+    assert set(shape("arm_msgs/msg/State", types).fields) == {"q"}
+    assert set(shape("robot/msg/State", types).fields) == {"on"}
+
+
+def test_a_definition_of_which_the_package_is_not_sure_is_refused_once(tmp_path: Path) -> None:
+    package(tmp_path / "arm_msgs", {"package.xml": package_xml("arm_msgs"), "modes/msg/Bad.msg": "float x\n"})
+    with pytest.raises(TypesError) as refused:
+        Types([tmp_path], {})
+    assert "\n" not in str(refused.value)
+
+
 def test_a_folders_definition_is_what_the_robot_has(tmp_path: Path) -> None:
     package(tmp_path / "std_msgs", {"msg/Header.msg": "time stamp\n"})
     found = Types([tmp_path], {}).message("std_msgs/msg/Header")
