@@ -44,8 +44,8 @@ class EpisodeModel(BaseModel):
     final: bool = Field(description="Whether it is violated for good")
     count: int = Field(description="How many violations it is")
     worst: dict[str, Any] | None = Field(
-        description="The least `robustness`, or the `value` of a `signal` furthest from its `bound`, of those where "
-        "the property became negative: while it stays so, they may be worse"
+        description="The least `robustness`, or the `value` of a `signal` furthest from its `bound` while the property "
+        "was negative; of an open one, as it was when it last grew by a tenth"
     )
     explanation: str | None = Field(description="Why the first verdict is negative")
 

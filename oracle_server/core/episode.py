@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, Literal, TypedDict
 
@@ -9,6 +10,8 @@ import msgspec
 
 from oracle_server.core.events import Order
 from oracle_server.core.records import Number
+
+_TENTH = math.log(1.1)
 
 
 class Worst(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
@@ -40,8 +43,14 @@ class Worst(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
 
     @property
     def distance(self) -> float:
-        """How far the value is from its bound."""
-        return abs((self.value or 0) - (self.bound or 0))
+        """How far the value is from its bound, or what is robust from being so."""
+        return abs((self.value or 0) - (self.bound or 0)) if self.robustness is None else abs(float(self.robustness))
+
+    @property
+    def degree(self) -> int | None:
+        """How bad it is, by steps of a tenth, by which it is told of while it grows: each row might be worse."""
+        distance = self.distance
+        return math.floor(math.log(distance) / _TENTH) if 0 < distance < math.inf else None
 
 
 class Episode(msgspec.Struct, frozen=True, gc=False):
@@ -100,9 +109,10 @@ class Following(msgspec.Struct, frozen=True, gc=False):
 class EpisodeChange(msgspec.Struct, frozen=True, gc=False):
     """What a row does with an episode of a property, by its `index`.
 
-    It `begins` it, `joins` it, where that goes on or counts one more, or `stops` it: the property holds; it may still
-    go on. It `ends` where it can't any more, `goes` where what stands otherwise leaves nothing of it, and is `restated`
-    where it is otherwise. `text` is the explanation of the violation that begins it, None where the row has that.
+    It `begins` it, `joins` it, where that goes on, counts one more or grows worse, or `stops` it: the property holds;
+    it may still go on. It `ends` where it can't any more, `goes` where what stands otherwise leaves nothing of it, and
+    is `restated` where it is otherwise. `text` is the explanation of the violation that begins it, None where the row
+    has that.
 
     `moved`: where it begins, that it was known as one that began elsewhere; where it goes, that it is known as such.
     """

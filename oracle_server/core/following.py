@@ -15,14 +15,13 @@ the present at it, or the deadline's, and never goes back.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import msgspec
 
+from oracle_server.core.beyond import Beyond
 from oracle_server.core.episode import Changes, Episode, EpisodeChange, Following, Worst
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.negated import beyond
 from oracle_server.core.verdicts import NEGATIVE, Explanation, Outcome, Verdict, json_number
 
 _UNKNOWN = Outcome.UNKNOWN
@@ -32,15 +31,14 @@ _BOUNDS = frozenset(("<", "<=", ">", ">="))
 class Said(NamedTuple):
     """What a row says of a property: its outcome, how many violations, its robustness, and reasons as plain data.
 
-    `formula` and `signals` are those of its explanation.
+    `beyond` are the values of its step by which it is negative.
     """
 
     outcome: Outcome
     violations: int = 0
     robustness: float | None = None
     why: Mapping[str, Any] | None = None
-    formula: str = ""
-    signals: Mapping[str, Scalar] = MappingProxyType({})
+    beyond: Sequence[Beyond] = ()
 
 
 _NONE: Changes = ()
@@ -97,11 +95,9 @@ def _begins(verdicts: Sequence[Verdict]) -> bool:
 
 def _violated(episode: Episode | None, at: Said, n: int, time: int, *, instant: bool) -> Episode:
     """An episode with a row that violates, or one that begins with it."""
-    final, worst = at.outcome is Outcome.FALSE, _worst(at)
+    final, worst = at.outcome is Outcome.FALSE, _worst(at, None if episode is None else episode.worst)
     if episode is None:
         return Episode(n, time, n, time, not instant, final, at.violations, worst)
-    if worst is None or not worst.graver(episode.worst):
-        worst = episode.worst
     opened, final = episode.open or not instant, episode.final or final
     return Episode(episode.first, episode.began, n, time, opened, final, episode.count + at.violations, worst)
 
@@ -110,14 +106,16 @@ def _kind(episode: Episode | None, found: Episode, at: Said) -> Literal["begins"
     if episode is None:
         return "begins"
     told = at.violations or found.open is not episode.open or found.final is not episode.final
+    if not told and found.worst is not None and found.worst is not episode.worst:
+        told = episode.worst is None or found.worst.degree != episode.worst.degree
     return "joins" if told else None
 
 
 def _said(verdict: Verdict) -> Said:
     why = verdict.explanation
     if why is None or verdict.outcome not in NEGATIVE:
-        return Said(verdict.outcome, 0, verdict.robustness)
-    return Said(verdict.outcome, violations_of(why), verdict.robustness, why.why, why.formula, why.signals)
+        return Said(verdict.outcome, 0, verdict.robustness, None, verdict.beyond)
+    return Said(verdict.outcome, violations_of(why), verdict.robustness, why.why, verdict.beyond)
 
 
 def violations_of(why: Explanation) -> int:
@@ -125,20 +123,21 @@ def violations_of(why: Explanation) -> int:
     return max(1, why.about_count)
 
 
-def _worst(at: Said) -> Worst | None:
-    if at.robustness is not None:
-        return Worst(json_number(at.robustness))
-    if at.why is None:
-        return None
-    worst: Worst | None = None
-    for found in _misses(at.why.get("reasons") or ()):
-        if found.graver(worst):
-            worst = found
-    if worst is None:
-        for each in beyond(at.formula, at.signals):
-            found = Worst(None, each.signal, each.op, each.bound, each.value, each.than)
-            worst = found if found.graver(worst) else worst
+def _worst(at: Said, worst: Worst | None) -> Worst | None:
+    """The worst of what a row says and of what was known before it."""
+    for found in _shown(at):
+        worst = found if found.graver(worst) else worst
     return worst
+
+
+def _shown(at: Said) -> Iterator[Worst]:
+    if at.robustness is not None:
+        yield Worst(json_number(at.robustness))
+        return
+    if at.why is not None:
+        yield from _misses(at.why.get("reasons") or ())
+    for each in at.beyond:
+        yield Worst(None, each.signal, each.op, each.bound, each.value, each.than)
 
 
 def _misses(reasons: Sequence[Mapping[str, Any]]) -> Iterator[Worst]:

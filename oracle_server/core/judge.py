@@ -25,6 +25,7 @@ from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property, orders
 from oracle_server.core.tally import StreamCounts
+from oracle_server.core.telling import values_beyond
 from oracle_server.core.verdicts import FINAL, Judged, Outcome, Verdict
 from oracle_server.core.weakly import weakly
 
@@ -330,7 +331,7 @@ class Judge(Blaming):
         elif stream.blames and is_denied(decision):
             self._stain(stream)
         verdicts = []
-        for state, outcome, is_degraded in zip(self.properties, outcomes, worse, strict=True):
+        for state, view, outcome, is_degraded in zip(self.properties, stream.views, outcomes, worse, strict=True):
             state.explain(outcome)
             robustness = state.robustness if self._measures else None
             n = next(self._numbers)
@@ -339,11 +340,11 @@ class Judge(Blaming):
                 state.note_first(n, number, step.stamp)
                 why = self._explain(state, signals, failed, self.present)
             passed_by = state.bypassed and not is_degraded
-            verdicts.append(
-                Verdict(
-                    n, state.property.id, outcome, is_degraded or passed_by, why, robustness, passed_by, state.pending
-                )
-            )
+            degraded = is_degraded or passed_by
+            found = values_beyond(state, outcome, signals) if view.observed else ()
+            verdicts.append(Verdict(
+                n, state.property.id, outcome, degraded, why, robustness, passed_by, state.pending, found
+            ))  # fmt: skip
         return self._conclude(step, number, tuple(verdicts), now, decision)
 
     def _surely_past(self, step: Step) -> int:

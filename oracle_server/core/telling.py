@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 
+from oracle_server.core.beyond import Beyond, beyond
 from oracle_server.core.counting import Counters
 from oracle_server.core.deciding import is_denied
 from oracle_server.core.derived.state import Derived
@@ -21,7 +22,9 @@ from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.records import EventRecord
 from oracle_server.core.tally import StreamCounts
-from oracle_server.core.verdicts import Decision, Explanation, Judged, Outcome, Verdict
+from oracle_server.core.verdicts import NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
+
+Values = tuple[Beyond, ...]
 
 
 class Telling:
@@ -89,13 +92,15 @@ class Telling:
         if state.remember(n, outcome) or state.asked:
             state.note_first(n, None, time)
             why = self._explain(state, signals, failed, time, judged=False)
-        return self._plain(state, n, outcome, why)
+        return self._plain(state, n, outcome, why, values_beyond(state, outcome, signals) if why is not None else ())
 
-    def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
+    def _plain(
+        self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None, found: Values = ()
+    ) -> Verdict:
         is_degraded = self._degraded or state.failures > 0 or state.renewed
         bypassed = state.bypassed and not is_degraded
         return Verdict(
-            n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed, pending=state.pending
+            n, state.property.id, outcome, is_degraded or bypassed, why, None, bypassed, state.pending, found
         )
 
     def _explain(
@@ -148,3 +153,10 @@ class Telling:
 
     def _note_effort(self, effort: int) -> None:
         self._explained += effort
+
+
+def values_beyond(state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar]) -> Values:
+    """The values of the present step by which a property is negative; one that is latched, or owes, may hold at it."""
+    if outcome not in NEGATIVE or not state.bounded:
+        return ()
+    return beyond(state.property.formula, signals, fails=not state.property.latch and state.owed is None)

@@ -9,6 +9,7 @@ from typing import Literal, TypedDict
 
 import msgspec
 
+from oracle_server.core.beyond import Beyond
 from oracle_server.core.episode import Changes
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import ENDED, Order, Source, Step
@@ -76,7 +77,8 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
 
     `degraded`: something before it is known to be lost, skipped or failed, or a stream is bypassed at present;
     `bypassed`: that is the only reason. An explanation is there where the property became negative, and makes the
-    verdict a violation. `robustness` is there where the engine measures it, `pending` where it has obligations.
+    verdict a violation. `robustness` is there where the engine measures it, `pending` where it has obligations;
+    `beyond` are the values of the step by which the property is negative, where that is seen by them.
     """
 
     n: int
@@ -87,6 +89,7 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
     robustness: float | None = None
     bypassed: bool = False
     pending: int | None = None
+    beyond: tuple[Beyond, ...] = ()
 
 
 class Decision(msgspec.Struct, frozen=True, gc=False):

@@ -113,6 +113,25 @@ def test_the_worst_is_the_value_furthest_from_its_bound() -> None:
     assert judged[1].episodes[0].episode.worst == Worst(signal="v", op="<=", bound=5, value=7)
 
 
+def test_the_worst_is_that_of_the_whole_time_for_which_it_is_violated() -> None:
+    """It is told of while it grows, by a tenth at a time, and as it is in the end."""
+    session = open_session([prop("p", "{v <= 5}")], attach={"m": [A]}, maker=native, by="arrival")
+    feed = Feed(session)
+    values = (6, 6.01, 9, 8.99, 50, 50.1, 4)
+    judged = [row for at, v in enumerate(values, 1) for row in feed(A, at, {"v": v})]
+    told = [(kind, worst.value) for kind, worst in _texts(judged) if worst is not None]
+    assert told == [("begins", 6), ("joins", 9), ("joins", 50), ("stops", 50.1)]
+
+
+@pytest.mark.parametrize("latch", [True, False])
+def test_what_is_allowed_is_not_the_worst_of_what_was_latched(latch: bool) -> None:
+    properties = [prop("p", "{auto: true} -> {v <= 5}", latch=latch)]
+    feed = Feed(open_session(properties, attach={"m": [A]}, maker=native, by="arrival"))
+    values = ((True, 6), (False, 99), (True, 40), (True, 1))
+    judged = [row for at, (auto, v) in enumerate(values, 1) for row in feed(A, at, {"auto": auto, "v": v})]
+    assert _texts(judged)[-1][1] == Worst(signal="v", op="<=", bound=5, value=40)
+
+
 @pytest.mark.parametrize(
     ("formula", "values", "worst"),
     [
@@ -127,9 +146,10 @@ def test_the_worst_is_the_value_furthest_from_its_bound() -> None:
             ("v", "<=", 4, 7, "limit"),
         ),
         ("{v <= 5} and not {w > 1}", [{"v": 1, "w": 3}], ("w", "<=", 1, 3, None)),
-        ("not {v > 5} and not {v < 1}", [{"v": 7}], None),
+        ("not {v > 5} and not {v < 1}", [{"v": 7}], ("v", "<=", 5, 7, None)),
         ("not {on}", [{"on": True}], None),
-        ("not (once {v > 5})", [{"v": 7}], None),
+        ("not (once {v > 5})", [{"v": 7}, {"v": 1}, {"v": 8}], ("v", "<=", 5, 8, None)),
+        ("historically ({on} -> {v <= 5})", [{"on": True, "v": 6}, {"v": 99}], ("v", "<=", 5, 6, None)),
     ],
 )
 def test_the_worst_of_what_must_not_be_is_the_value_furthest_beyond_it(
@@ -177,9 +197,15 @@ FILTERED = (
     StreamSpec("/u", ordered=False),
     StreamSpec("/mode", hold=frozenset({"mode"})),
 )
+BOUNDED = [
+    prop("within", "{v <= 1}"),
+    prop("ever", "historically ({mode: 1} -> {v < 2})"),
+    prop("latched", "not {v > 1}", latch=True),
+]
 KINDS: dict[str, tuple[Maker, list[Property], dict[str, Any]]] = {
     "any outcomes": (lambda _: Digest(), PROPERTIES, {}),
     "native": (native, TIMED, {}),
+    "bounds": (native, BOUNDED, {}),
     "taken back": (native, TIMED, {"streams": FILTERED}),
     "owing": (native, OWING, {}),
     "owing, taken back": (native, OWING, {"streams": FILTERED}),

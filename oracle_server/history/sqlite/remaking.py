@@ -78,4 +78,4 @@ def _said(outcome: Outcome, why: ExplanationRecord | None) -> Said:
     if why is None:
         return Said(outcome)
     violations = max(1, why.get("about_count", 1))
-    return Said(outcome, violations, None, why, why["formula"], why["event"]["signals"])
+    return Said(outcome, violations, None, why)
