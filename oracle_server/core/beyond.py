@@ -6,10 +6,11 @@ what a value comes to while it stays so is told by this.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeGuard
 
 from oracle_server.core.atoms import meets, precedes
+from oracle_server.core.events import Signals
 from oracle_server.core.formula.tree import (
     And,
     Atom,
@@ -23,7 +24,6 @@ from oracle_server.core.formula.tree import (
     Not,
     Once,
     Or,
-    Scalar,
     Signal,
     atoms,
 )
@@ -43,89 +43,133 @@ class Beyond(NamedTuple):
 
 Found = tuple[Beyond, ...] | None
 """The values beyond bounds by which a formula comes to a truth value; None where it is not seen that it does."""
+Look = Callable[[Signals], Found]
+"""What finds them among the signals of a step: made once of a formula, and asked at each step at which that fails."""
 
 
-def has_bounds(formula: Formula) -> bool:
+def looking(formula: Formula, *, fails: bool) -> Look | None:
+    """What finds the values of a step for which a formula fails at it; None where no value can be found.
+
+    `fails`: it is asked only where the formula is known to fail; else nothing is found where that is not seen by the
+    signals alone.
+    """
+    return _by(formula, to=False, known=fails) if _has_bounds(formula) else None
+
+
+def _by(formula: Formula, *, to: bool, known: bool) -> Look | None:
+    """What finds by what a part comes `to` a truth value; `known`: it does so, whether that is seen here or not."""
+    look: Look | None = None
+    match formula:
+        case Atom():
+            look = _true(formula) if to else _false(formula)
+        case Not(operand):
+            look = _by(operand, to=not to, known=known)
+        case Implies(left, right):
+            look = _by(Or(Not(left), right), to=to, known=known)
+        case And() | Or():
+            look = _by_sides(formula, to=to, known=known)
+        case Historically(operand, bound) | Once(operand, bound) if bound.lower == 0:
+            one_is_enough = isinstance(formula, Once) is to
+            if one_is_enough or known:
+                look = _by(operand, to=to, known=not one_is_enough)
+        case Forall(variable, body) | Exists(variable, body):
+            if isinstance(formula, Exists) is to and _is_bound_by_one_signal(variable, body):
+                look = _by(body, to=to, known=False)
+        case _:
+            pass
+    return look
+
+
+def _by_sides(formula: And | Or, *, to: bool, known: bool) -> Look | None:
+    both = isinstance(formula, And) is to
+    sides = [side for side in (formula.left, formula.right) if _has_bounds(side) or not (both and known)]
+    looks = [look for side in sides if (look := _by(side, to=to, known=known and both)) is not None]
+    least = 1 if known or not both else 2
+    if len(looks) < least:
+        return None
+    return looks[0] if len(looks) == 1 else _together(*looks, least=least)
+
+
+def _together(one: Look, other: Look, *, least: int) -> Look:
+    """What both find; None where fewer than `least` of them do."""
+
+    def look(signals: Signals) -> Found:
+        first, second = one(signals), other(signals)
+        if first is None or second is None:
+            return None if least > 1 else second if first is None else first
+        return first + second
+
+    return look
+
+
+def _true(atom: Atom) -> Look | None:
+    """Where an atom holds, the values that must not be so; what it compares with a variable no step shows."""
+    names = [name for _, name in atom.refs]
+    if atom.limits or len(names) > len({*names}):
+        return None
+    tests = [(_met(constraint), _value(constraint, forbidden=True)) for constraint in atom.constraints]
+
+    def look(signals: Signals) -> Found:
+        found: tuple[Beyond, ...] = ()
+        for is_met, value in tests:
+            if not is_met(signals):
+                return None
+            found += () if value is None else value(signals)
+        return found
+
+    return look
+
+
+def _false(atom: Atom) -> Look | None:
+    """Where an atom does not hold, the values that do not meet it."""
+    plain = [constraint for constraint in atom.constraints if not isinstance(constraint.value, Limit)]
+    tests = [(_met(constraint), _value(constraint, forbidden=False)) for constraint in plain]
+
+    def look(signals: Signals) -> Found:
+        found: Found = None
+        for is_met, value in tests:
+            if not is_met(signals):
+                found = (found or ()) + (() if value is None else value(signals))
+        return found
+
+    return look if tests else None
+
+
+def _met(constraint: Constraint) -> Callable[[Signals], bool]:
+    """Whether a signal is there and meets a constraint; a variable is met by all."""
+    key, op, other = constraint.key, constraint.op, constraint.value
+    if isinstance(other, Signal):
+        return lambda signals: precedes(signals.get(key), op, signals.get(other.name))
+    return lambda signals: (value := signals.get(key)) is not None and meets(constraint, value)
+
+
+def _value(constraint: Constraint, *, forbidden: bool) -> Callable[[Signals], tuple[Beyond, ...]] | None:
+    """What makes the value of a bound; None where a constraint is none."""
+    if constraint.op not in _OPPOSITE:
+        return None
+    key, op, other = constraint.key, constraint.op, constraint.value
+    wanted = _OPPOSITE[op] if forbidden else op
+    if not isinstance(other, Signal):
+        bound = other if _is_number(other) else 0
+        return lambda signals: (
+            (Beyond(key, wanted, bound, value, None),) if _is_number(value := signals.get(key)) else ()
+        )
+    than = other.name
+
+    def compared(signals: Signals) -> tuple[Beyond, ...]:
+        value, bound = signals.get(key), signals.get(than)
+        return (Beyond(key, wanted, bound, value, than),) if _is_number(value) and _is_number(bound) else ()
+
+    return compared
+
+
+def _has_bounds(formula: Formula) -> bool:
     """Whether a formula compares any signal with a number, or with another signal."""
     return any(
         constraint.op in _OPPOSITE and not isinstance(constraint.value, Limit)
         for atom in atoms(formula)
         for constraint in atom.constraints
     )
-
-
-def beyond(formula: Formula, signals: Mapping[str, Scalar], *, fails: bool) -> tuple[Beyond, ...]:
-    """The values of a step, by its signals, for which a formula fails at it.
-
-    `fails`: it is known to fail at this step; else nothing is found where that is not seen by the signals alone.
-    """
-    return _by(formula, signals, to=False, known=fails) or ()
-
-
-def _by(formula: Formula, signals: Mapping[str, Scalar], *, to: bool, known: bool) -> Found:
-    """What a part comes `to` a truth value by; `known`: it does so, whether that is seen here or not."""
-    found: Found = None
-    match formula:
-        case Atom():
-            found = _by_atom(formula, signals, to=to)
-        case Not(operand):
-            found = _by(operand, signals, to=not to, known=known)
-        case Implies(left, right):
-            found = _by(Or(Not(left), right), signals, to=to, known=known)
-        case And() | Or():
-            found = _by_sides(formula, signals, to=to, known=known)
-        case Historically(operand, bound) | Once(operand, bound) if bound.lower == 0:
-            one_is_enough = isinstance(formula, Once) is to
-            if one_is_enough or known:
-                found = _by(operand, signals, to=to, known=not one_is_enough)
-        case Forall(variable, body) | Exists(variable, body):
-            if isinstance(formula, Exists) is to and _is_bound_by_one_signal(variable, body):
-                found = _by(body, signals, to=to, known=False)
-        case _:
-            pass
-    return found
-
-
-def _by_sides(formula: And | Or, signals: Mapping[str, Scalar], *, to: bool, known: bool) -> Found:
-    both = isinstance(formula, And) is to
-    found = [_by(side, signals, to=to, known=known and both) for side in (formula.left, formula.right)]
-    seen = [side for side in found if side is not None]
-    if len(seen) < (1 if known or not both else 2):
-        return None
-    return tuple([value for side in seen for value in side])
-
-
-def _by_atom(atom: Atom, signals: Mapping[str, Scalar], *, to: bool) -> Found:
-    """The same of an atom; what it compares with a variable depends on more than the step."""
-    plain = [c for c in atom.constraints if not isinstance(c.value, Limit)]
-    unmet = [c for c in plain if not _is_met(c, signals)]
-    if to:
-        seen = not unmet and len(plain) == len(atom.constraints) and _binds_each_once(atom)
-        return tuple(_values(plain, signals, forbidden=True)) if seen else None
-    return tuple(_values(unmet, signals, forbidden=False)) if unmet else None
-
-
-def _is_met(constraint: Constraint, signals: Mapping[str, Scalar]) -> bool:
-    value = signals.get(constraint.key)
-    if value is None or not meets(constraint, value):
-        return False
-    other = constraint.value
-    return not isinstance(other, Signal) or precedes(value, constraint.op, signals.get(other.name))
-
-
-def _values(constraints: list[Constraint], signals: Mapping[str, Scalar], *, forbidden: bool) -> Iterator[Beyond]:
-    for constraint in constraints:
-        than = constraint.value.name if isinstance(constraint.value, Signal) else None
-        bound = constraint.value if than is None else signals.get(than)
-        value = signals.get(constraint.key)
-        if constraint.op in _OPPOSITE and _is_number(bound) and _is_number(value):
-            op = _OPPOSITE[constraint.op] if forbidden else constraint.op
-            yield Beyond(constraint.key, op, bound, value, than)
-
-
-def _binds_each_once(atom: Atom) -> bool:
-    names = [name for _, name in atom.refs]
-    return len(names) == len({*names})
 
 
 def _is_bound_by_one_signal(variable: str, body: Formula) -> bool:

@@ -34,12 +34,9 @@ class Worst(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
             return True
         if self.robustness is not None:
             return other.robustness is None or float(self.robustness) < float(other.robustness)
-        return self.compared == other.compared and self.distance > other.distance
-
-    @property
-    def compared(self) -> tuple[object, ...]:
-        """What was compared: only what is equal in this is more or less bad."""
-        return self.signal, self.op, self.than, self.bound if self.than is None else None
+        if self.signal != other.signal or self.op != other.op or self.than != other.than:
+            return False
+        return (self.than is not None or self.bound == other.bound) and self.distance > other.distance
 
     @property
     def distance(self) -> float:

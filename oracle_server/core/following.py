@@ -125,19 +125,15 @@ def violations_of(why: Explanation) -> int:
 
 def _worst(at: Said, worst: Worst | None) -> Worst | None:
     """The worst of what a row says and of what was known before it."""
-    for found in _shown(at):
+    if at.robustness is not None:
+        found = Worst(json_number(at.robustness))
+        return found if found.graver(worst) else worst
+    for found in () if at.why is None else _misses(at.why.get("reasons") or ()):
+        worst = found if found.graver(worst) else worst
+    for each in at.beyond:
+        found = Worst(None, each.signal, each.op, each.bound, each.value, each.than)
         worst = found if found.graver(worst) else worst
     return worst
-
-
-def _shown(at: Said) -> Iterator[Worst]:
-    if at.robustness is not None:
-        yield Worst(json_number(at.robustness))
-        return
-    if at.why is not None:
-        yield from _misses(at.why.get("reasons") or ())
-    for each in at.beyond:
-        yield Worst(None, each.signal, each.op, each.bound, each.value, each.than)
 
 
 def _misses(reasons: Sequence[Mapping[str, Any]]) -> Iterator[Worst]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
-from oracle_server.core.beyond import has_bounds
+from oracle_server.core.beyond import Look, looking
 from oracle_server.core.counted import Counted
 from oracle_server.core.engine import (
     MAX_WORK,
@@ -102,8 +102,8 @@ class PropertyState(Counted):
     """What the last step comes to without the obligations that were decided at it."""
     is_innocent: bool = False
     """Whether the last step holds by itself, where the property is latched."""
-    bounded: bool = field(init=False)
-    """Whether it has bounds for values, and no robustness tells how far these are beyond."""
+    look: Look | None = field(init=False)
+    """What finds the values beyond its bounds where it is negative; None where it has none, or a robustness."""
     lasts: bool = field(init=False, default=True)
     _failure: Exception | None = field(init=False, default=None)
     """What its next tick fails by."""
@@ -122,7 +122,8 @@ class PropertyState(Counted):
         self._revisable = self.engine if provides(self.engine, Revisable) else None
         self._measuring = self.engine if provides(self.engine, Measuring) else None
         self._guarding = self.engine if self.owed is not None and provides(self.engine, Guarding) else None
-        prop, self.bounded = self.property, self._measuring is None and has_bounds(self.property.formula)
+        prop, lasts = self.property, self.property.latch or self.owed is not None  # it may hold at a step all the same
+        self.look = looking(prop.formula, fails=not lasts) if self._measuring is None else None
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
 
     def step(

@@ -6,12 +6,12 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 
-from oracle_server.core.beyond import Beyond, beyond
+from oracle_server.core.beyond import Beyond
 from oracle_server.core.counting import Counters
 from oracle_server.core.deciding import is_denied
 from oracle_server.core.derived.state import Derived
 from oracle_server.core.episode import Changes, Following
-from oracle_server.core.events import Order, Source, Step
+from oracle_server.core.events import Order, Signals, Source, Step
 from oracle_server.core.following import follow
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
@@ -155,8 +155,6 @@ class Telling:
         self._explained += effort
 
 
-def values_beyond(state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar]) -> Values:
-    """The values of the present step by which a property is negative; one that is latched, or owes, may hold at it."""
-    if outcome not in NEGATIVE or not state.bounded:
-        return ()
-    return beyond(state.property.formula, signals, fails=not state.property.latch and state.owed is None)
+def values_beyond(state: PropertyState, outcome: Outcome, signals: Signals) -> Values:
+    """The values of the present step by which a property is negative."""
+    return (state.look(signals) or ()) if state.look is not None and outcome in NEGATIVE else ()
