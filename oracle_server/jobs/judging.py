@@ -15,7 +15,7 @@ import msgspec
 from oracle_server.core.errors import OracleError, SpecError, one_line
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Judged
-from oracle_server.history.episodes import stored_episodes
+from oracle_server.history.episodes import going_on, stored_episodes
 from oracle_server.history.records import Document, StoredStep, stored, stored_revision
 from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
 from oracle_server.process.worker import receive, send, step_back
@@ -111,12 +111,20 @@ class Rowed:
             raise
         self._whole = told
 
+    def finish(self) -> None:
+        """Tell the rows that there are, and the episodes that end with the session. Raises as `flush`."""
+        self.flush()
+        session = self._replay.session
+        ended = [] if session is None else going_on(session.judges, self._names, closed=True)
+        if ended:
+            self._tell(Rows([], [], ended))
+
     def last(self) -> Document | None:
         """Tell the rows that there are; returns how the session stands by all, None where that is not known."""
         if not self._begun:
             return None
         try:
-            self.flush()
+            self.finish()
         except (MemoryError, OverflowError):
             return None
         return _state(self._replay) if self._whole else None
@@ -204,7 +212,7 @@ def _judge(replay: Told, rows: Rowed, tell: Callable[[object], None]) -> None:
             if time.monotonic() - shown > _EVERY:
                 shown = time.monotonic()
                 tell(msgspec.structs.replace(far(), state=_state(replay)))
-        rows.flush()
+        rows.finish()
     finally:
         ended.set()
         often.join()

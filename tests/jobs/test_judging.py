@@ -55,10 +55,22 @@ def test_what_was_judged_before_a_bad_line_is_told_and_how_it_stands_then(
     assert failed.state is not None
     (prop,) = failed.state["properties"]
     kept = [step for step in steps if step.explanations]
-    assert prop["violations"] == len(kept) == sum(each.episode.count for frame in rows for each in frame.episodes)
+    episodes = {each.episode.first: each.episode for frame in rows for each in frame.episodes}
+    assert prop["violations"] == len(kept) == sum(episode.count for episode in episodes.values())
+    assert not any(episode.open for episode in episodes.values())
     assert failed.state["counters"]["steps"] == len(steps)
     if "arrival" in ordering:
         assert (len(steps), prop["violations"], prop["outcome"]) == (count, 1, "currently_false")
+
+
+@pytest.mark.parametrize("more", [[], ["{garbage"]])
+def test_what_is_violated_to_the_end_is_an_episode_up_to_there(more: list[str], tmp_path: Path) -> None:
+    """It was told as of the row at which it began: a robot that hung was wrong for no time."""
+    told = frames(tmp_path, [*(line(i, 99 if i > 3 else 1) for i in range(1, 20)), *more], "ordering: {by: arrival}")
+    episodes = [each.episode for frame in told if isinstance(frame, Rows) for each in frame.episodes]
+    last = episodes[-1]
+    assert (last.first, last.began, last.last, last.until) == (4, AT + 4 * 10**6, 19, AT + 19 * 10**6)
+    assert not last.open
 
 
 def test_what_was_judged_is_told_where_a_stream_can_not_be_used(tmp_path: Path) -> None:
