@@ -20,8 +20,10 @@ from tests.whole.harness import PATIENCE
 
 
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    here = (i for i in items if isinstance(i, pytest.Function) and Path(__file__).parent in i.path.parents)
-    for item in here:
+    here = f"{Path(__file__).parent}{os.sep}"
+    for item in items:
+        if not isinstance(item, pytest.Function) or not str(item.path).startswith(here):
+            continue
         if inspect.iscoroutinefunction(item.obj):
             item.add_marker(pytest.mark.asyncio(loop_scope="session"), append=False)
 
