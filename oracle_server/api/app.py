@@ -81,19 +81,22 @@ def build_app(
     )
     problems.install(app)
     explainer = Explainer(history)
-    app.include_router(health.router(history))
-    app.include_router(specs.router(library, registry, history))
-    app.include_router(checking.router(checks, history))
-    app.include_router(sessions.router(registry, history))
-    app.include_router(recordings.router(sent, registry))
-    app.include_router(verdicts.router(registry, history, explainer))
-    app.include_router(parts.router(registry, history, explainer))
-    app.include_router(sequence.router(registry, history))
-    app.include_router(episodes.router(registry, history))
-    app.include_router(stream.router(registry, history))
-    app.include_router(timeline.router(registry, history))
-    app.include_router(metrics.router(registry, history, watchdog, webhooks, forwarding))
-    app.include_router(pages.router(app))
+    for routes in (
+        health.router(history),
+        specs.router(library, registry, history),
+        checking.router(checks, history),
+        sessions.router(registry, history),
+        recordings.router(sent, registry),
+        verdicts.router(registry, history, explainer),
+        parts.router(registry, history, explainer),
+        sequence.router(registry, history),
+        episodes.router(registry, history),
+        stream.router(registry, history),
+        timeline.router(registry, history),
+        metrics.router(registry, history, watchdog, webhooks, forwarding),
+        pages.router(app),
+    ):
+        routes.add_to(app.router)
     app.include_router(_attach_route(registry, max_rate))
     app.include_router(legacy_routes(registry, legacy, max_rate, finals=legacy_finals))
     return app

@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import partial
 from typing import Literal
 
-from fastapi import APIRouter, HTTPException, Request, Response
+from fastapi import HTTPException, Request, Response
 from pydantic import BaseModel, Field
 
 from oracle_server.api.leaving import text_of, unless_left
 from oracle_server.api.packing import packed_answer
+from oracle_server.api.routes import Routes
 from oracle_server.api.specs import YAML
 from oracle_server.core.errors import FindingKind
 from oracle_server.core.formula.tree import Time
@@ -48,9 +49,9 @@ class CheckDocument(BaseModel):
     formulas: list[FormulaDocument] = Field(description="As `check --formulas` prints them; none where it is not sound")
 
 
-def router(checking: Checking, history: Reading) -> APIRouter:
+def router(checking: Checking, history: Reading) -> Routes:
     """The route that checks."""
-    routes = APIRouter(prefix="/api/v1", tags=["specs"])
+    routes = Routes(prefix="/api/v1", tags=["specs"])
 
     @routes.post("/specs/{spec_id}/check", response_model=CheckDocument, openapi_extra=YAML)
     @needs("admin")

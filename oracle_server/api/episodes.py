@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
+from fastapi import Depends, HTTPException, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
@@ -16,6 +16,7 @@ from oracle_server.api.known import KeptFrom, covered, demand_properties, demand
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
 from oracle_server.api.questions import Origin, Properties, demand_span
+from oracle_server.api.routes import Routes
 from oracle_server.core.events import Order
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.scopes import needs
@@ -80,9 +81,9 @@ def wanted(
     return EpisodeQuery(None, frozenset(property), since, until, open, cursor, limit, order)
 
 
-def router(registry: Registry, history: History) -> APIRouter:
+def router(registry: Registry, history: History) -> Routes:
     """The routes of episodes."""
-    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = Routes(prefix="/api/v1", tags=["verdicts"])
 
     async def page(request: Request, query: EpisodeQuery, known: SessionRecord | None = None) -> Response:
         items, after = await unless_left(request, history.episodes(query))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from fastapi import APIRouter, HTTPException
+from fastapi import HTTPException
 from pydantic import BaseModel
 
+from oracle_server.api.routes import Routes
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
 
@@ -17,9 +18,9 @@ class Health(BaseModel):
     status: Literal["ok", "ready", "read_only"]
 
 
-def router(history: History) -> APIRouter:
+def router(history: History) -> Routes:
     """The routes of health checks."""
-    routes = APIRouter(tags=["health"])
+    routes = Routes(tags=["health"])
 
     @routes.get("/healthz")
     @needs(None)

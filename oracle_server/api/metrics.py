@@ -8,12 +8,13 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from oracle_server.api.packing import packed_answer
+from oracle_server.api.routes import Routes
 from oracle_server.core.tally import BOUNDS
 from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_all
@@ -45,10 +46,10 @@ _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 
 def router(
     registry: Registry, history: History, watchdog: Watchdog, webhooks: Webhooks | None, forwarding: Progress | None
-) -> APIRouter:
+) -> Routes:
     """The route of the metrics."""
     collector = ServerCollector(registry, history, watchdog, webhooks, forwarding)
-    routes = APIRouter(tags=["health"])
+    routes = Routes(tags=["health"])
 
     @routes.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
     @needs("read")

@@ -1,7 +1,8 @@
-"""Answers that are compressed where the client takes that and it pays: in a thread, or once for all."""
+"""Answers that are compressed where the client takes that and it pays: in a thread, and a file once for all."""
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 from collections.abc import Callable
 from functools import partial
@@ -85,25 +86,32 @@ def _tag(plain: bytes, is_packed: bool) -> str:
 
 
 class File:
-    """A file that is served as it is, compressed once, with a tag by which clients keep it."""
+    """A file that is served as it is, with a tag by which clients keep it; compressed once, where one asks for that."""
 
     def __init__(self, content: bytes, kind: str, headers: dict[str, str]) -> None:
         """A file's content, its media type and the headers that it is served with."""
-        shorter = packed(content)
-        self._plain, self._packed = content, shorter if len(shorter) < len(content) else None
+        self._plain = content
+        self._packed: bytes | None = None
+        """Compressed, or empty where that is no shorter; None before the first asks."""
         self._kind, self._headers = kind, headers
         self._tags = {is_packed: _tag(content, is_packed) for is_packed in (False, True)}
 
-    def answer(self, request: Request) -> Response:
+    async def answer(self, request: Request) -> Response:
         """The file, or 304 where the client has it already."""
-        compress = self._packed is not None and takes_gzip(request)
-        tag = self._tags[compress]
+        shorter = await self._shorter() if takes_gzip(request) else b""
+        tag = self._tags[bool(shorter)]
         headers = {**self._headers, **_VARIES, "ETag": tag}
         if _is_known(tag, request):
             return Response(status_code=304, headers=headers)
-        if self._packed is None or not compress:
+        if not shorter:
             return Response(self._plain, media_type=self._kind, headers=headers)
-        return Response(self._packed, media_type=self._kind, headers={**headers, **_PACKED})
+        return Response(shorter, media_type=self._kind, headers={**headers, **_PACKED})
+
+    async def _shorter(self) -> bytes:
+        if self._packed is None:
+            found = await asyncio.to_thread(packed, self._plain)
+            self._packed = found if len(found) < len(self._plain) else b""
+        return self._packed
 
 
 def _is_known(tag: str, request: Request) -> bool:

@@ -13,11 +13,12 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import PurePath
 
-from fastapi import APIRouter, FastAPI, Request
+from fastapi import FastAPI, Request
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import Response
 
 from oracle_server.api.packing import File
+from oracle_server.api.routes import Routes
 from oracle_server.edge.scopes import needs
 from oracle_server.wire.json import encode_bytes
 
@@ -41,9 +42,9 @@ _DOCS = {
 }
 
 
-def router(app: FastAPI) -> APIRouter:
+def router(app: FastAPI) -> Routes:
     """The routes of the pages, their files, and the description of an app's API."""
-    routes = APIRouter(include_in_schema=False)
+    routes = Routes(in_schema=False)
     _add_dashboard(routes, files("oracle_server") / "dashboard")
     _add_docs(routes, files("fastapi_offline") / "static")
 
@@ -54,7 +55,7 @@ def router(app: FastAPI) -> APIRouter:
     async def describe(request: Request) -> Response:
         if not described:  # once, and in a thread: it takes some tenths of a second, in which no decision was made
             described.append(await asyncio.to_thread(_description, app))
-        return described[0].answer(request)
+        return await described[0].answer(request)
 
     return routes
 
@@ -63,7 +64,7 @@ def _description(app: FastAPI) -> File:
     return File(encode_bytes(app.openapi()), "application/json", {"Cache-Control": "no-cache"})
 
 
-def _add_dashboard(routes: APIRouter, folder: Traversable) -> None:
+def _add_dashboard(routes: Routes, folder: Traversable) -> None:
     _add_file(routes, "/", (folder / "index.html").read_bytes(), "text/html", _DASHBOARD)
     for file in folder.iterdir():
         kind = _TYPES.get(PurePath(file.name).suffix)
@@ -71,7 +72,7 @@ def _add_dashboard(routes: APIRouter, folder: Traversable) -> None:
             _add_file(routes, f"/dashboard/{file.name}", file.read_bytes(), kind, _DASHBOARD)
 
 
-def _add_docs(routes: APIRouter, folder: Traversable) -> None:
+def _add_docs(routes: Routes, folder: Traversable) -> None:
     page = bytes(
         get_swagger_ui_html(  # addresses are relative, so that it works behind a proxy that puts a path before them
             openapi_url="openapi.json",
@@ -98,10 +99,10 @@ def _docs_policy(page: str) -> str:
     )
 
 
-def _add_file(routes: APIRouter, path: str, content: bytes, kind: str, headers: dict[str, str]) -> None:
+def _add_file(routes: Routes, path: str, content: bytes, kind: str, headers: dict[str, str]) -> None:
     file = File(content, kind, headers)
 
     @routes.get(path)
     @needs(None)
     async def serve(request: Request) -> Response:
-        return file.answer(request)
+        return await file.answer(request)

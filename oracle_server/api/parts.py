@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
+from fastapi import HTTPException, Path, Query, Request, Response
 from pydantic import BaseModel, Field
 
 from oracle_server.api.explaining import Explainer
 from oracle_server.api.known import demand_session, unknown_verdict
 from oracle_server.api.packing import json_answer
+from oracle_server.api.routes import Routes
 from oracle_server.core.events import Order
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Reading
@@ -67,9 +68,9 @@ class PartsModel(BaseModel):
     later: bool = Field(description="Whether later ones are")
 
 
-def router(registry: Registry, history: Reading, explainer: Explainer) -> APIRouter:
+def router(registry: Registry, history: Reading, explainer: Explainer) -> Routes:
     """The route of formulas by time."""
-    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = Routes(prefix="/api/v1", tags=["verdicts"])
 
     @routes.get("/sessions/{session_id}/verdicts/{n}/parts", response_model=PartsModel)
     @needs("read")

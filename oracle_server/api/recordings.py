@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, HTTPException, Query, Request
+from fastapi import HTTPException, Query, Request
 from pydantic import BaseModel, Field
 from starlette.requests import ClientDisconnect
 
 from oracle_server.api.known import demand_name, unknown_spec
+from oracle_server.api.routes import Routes
 from oracle_server.edge.access import client_of, demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.jobs.checking import CrowdedError
@@ -54,9 +55,9 @@ class RecordingList(BaseModel):
     items: list[RecordingDocument]
 
 
-def router(recordings: Recordings, registry: Registry) -> APIRouter:
+def router(recordings: Recordings, registry: Registry) -> Routes:
     """The routes of recordings."""
-    routes = APIRouter(prefix="/api/v1", tags=["recordings"])
+    routes = Routes(prefix="/api/v1", tags=["recordings"])
 
     @routes.post(
         "/recordings", status_code=202, openapi_extra={"requestBody": {"content": {"application/octet-stream": {}}}}

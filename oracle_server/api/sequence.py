@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
+from fastapi import Depends, HTTPException, Query, Request, Response
 from pydantic import BaseModel, Field
 
 from oracle_server.api.known import demand_properties, demand_session, unknown_verdict
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer
+from oracle_server.api.routes import Routes
 from oracle_server.core.events import Order, Released
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Reading
@@ -90,9 +91,9 @@ def wanted(
     return Wanted(n, at, before, after, limit, property, others)
 
 
-def router(registry: Registry, history: Reading) -> APIRouter:
+def router(registry: Registry, history: Reading) -> Routes:
     """The route of sequences."""
-    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = Routes(prefix="/api/v1", tags=["verdicts"])
 
     @routes.get("/sessions/{session_id}/sequence", response_model=SequenceModel)
     @needs("read")

@@ -6,12 +6,13 @@ import asyncio
 from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, HTTPException, Query, Request, Response
+from fastapi import Body, HTTPException, Query, Request, Response
 from pydantic import BaseModel, ConfigDict
 
 from oracle_server.api.known import covered, demand_name, demand_session, state_of, unknown_spec
 from oracle_server.api.packing import json_answer, tagged_answer
 from oracle_server.api.questions import Origin
+from oracle_server.api.routes import Routes
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
@@ -42,9 +43,9 @@ class SessionList(BaseModel):
     items: list[dict[str, Any]]
 
 
-def router(registry: Registry, history: History) -> APIRouter:
+def router(registry: Registry, history: History) -> Routes:
     """The routes of the sessions."""
-    routes = APIRouter(prefix="/api/v1", tags=["sessions"])
+    routes = Routes(prefix="/api/v1", tags=["sessions"])
 
     @routes.get("/sessions", response_model=SessionList)
     @needs("read")

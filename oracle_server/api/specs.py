@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Header, HTTPException, Request, Response
+from fastapi import Header, HTTPException, Request, Response
 from pydantic import BaseModel, Field
 
 from oracle_server.api.known import unknown_spec, visible_specs
 from oracle_server.api.leaving import text_of
 from oracle_server.api.packing import packed_answer
+from oracle_server.api.routes import Routes
 from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
@@ -92,9 +93,9 @@ YAML: dict[str, Any] = {"requestBody": {"content": {"application/yaml": {}}}}
 """A body that is the text of a spec."""
 
 
-def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
+def router(library: Library, registry: Registry, history: Reading) -> Routes:
     """The routes of the specs."""
-    routes = APIRouter(prefix="/api/v1", tags=["specs"])
+    routes = Routes(prefix="/api/v1", tags=["specs"])
 
     @routes.get("/specs", response_model=SpecList)
     @needs("read")

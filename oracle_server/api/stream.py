@@ -11,13 +11,14 @@ from collections.abc import AsyncIterator
 from dataclasses import replace
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request
+from fastapi import Depends, Header, HTTPException, Query, Request
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 
 from oracle_server.api.following import followed, number_of
 from oracle_server.api.known import demand_properties, demand_session, demand_stream, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
+from oracle_server.api.routes import Routes
 from oracle_server.api.summaries import summaries
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find
@@ -34,9 +35,9 @@ _GATHER = 0.05
 """Seconds between two reads of the history, so that streams of a busy session cost little."""
 
 
-def router(registry: Registry, history: Reading) -> APIRouter:
+def router(registry: Registry, history: Reading) -> Routes:
     """The route of the stream."""
-    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = Routes(prefix="/api/v1", tags=["verdicts"])
 
     @routes.get(
         "/sessions/{session_id}/stream",

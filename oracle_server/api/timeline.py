@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Annotated
 
 import msgspec
-from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request, Response
+from fastapi import Depends, Header, HTTPException, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 from pydantic import BaseModel, Field, StringConstraints
@@ -17,6 +17,7 @@ from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import packed_answer
 from oracle_server.api.questions import Nanoseconds, demand_span
+from oracle_server.api.routes import Routes
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, nearest
@@ -114,9 +115,9 @@ class Timeline(BaseModel):
     signals: dict[str, SignalColumns] = {}
 
 
-def router(registry: Registry, history: Reading) -> APIRouter:
+def router(registry: Registry, history: Reading) -> Routes:
     """The route of timelines."""
-    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = Routes(prefix="/api/v1", tags=["verdicts"])
 
     @routes.get("/sessions/{session_id}/timeline", response_model=Timeline)
     @needs("read")

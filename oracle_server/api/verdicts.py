@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import Depends, HTTPException, Request, Response
 from fastapi import Path as PathParameter
 from pydantic import BaseModel, Field
 from starlette.responses import StreamingResponse
@@ -26,6 +26,7 @@ from oracle_server.api.known import (
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
+from oracle_server.api.routes import Routes
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find
 from oracle_server.history.port import History
@@ -49,9 +50,9 @@ class RecordPage(BaseModel):
     kept_from: KeptFrom
 
 
-def router(registry: Registry, history: History, explainer: Explainer) -> APIRouter:
+def router(registry: Registry, history: History, explainer: Explainer) -> Routes:
     """The routes of a session's history."""
-    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = Routes(prefix="/api/v1", tags=["verdicts"])
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known = await demand_session(request, registry, session_id)
