@@ -38,15 +38,33 @@ class Deciding(ABC):
         windows = [self._recall.window(bound, step) for step in steps]
         return sorted({j for window, _ in windows for j in window}), all(complete for _, complete in windows)
 
-    def _where(self, bound: Bound, steps: Steps, window: Steps) -> tuple[str, tuple[int, int] | None]:
-        """Windows in words, and the first and the last time in them."""
+    def _where(self, bound: Bound, steps: Steps, window: Steps, *, whole: bool) -> tuple[str, tuple[int, int] | None]:
+        """Windows in words, and the first and the last time in them.
+
+        `window` are the remembered steps in them; `whole`: those are all that there were.
+        """
         if [*steps] == [self._now]:
             first, last = self._wording.ends(bound)
             return self._wording.window(bound), (first, last) if first <= last else None
-        if not window:
+        spans = _merged([self._wording.ends(bound, time) for time in self._times(steps)])
+        if not self._wording.is_timed and spans:
+            return self._wording.among(spans), (spans[0][0], spans[-1][1])
+        if not spans or (self._recall.first == 1 and spans[-1][1] < self._recall.time(1)):
             return "before there were steps", None
-        ends = self._recall.time(window[0]), self._recall.time(window[-1])
-        return self._wording.during(*ends), ends
+        return self._where_in_time(bound, steps, window, spans, whole=whole)
+
+    def _where_in_time(
+        self, bound: Bound, steps: Steps, window: Steps, spans: Sequence[tuple[int, int]], *, whole: bool
+    ) -> tuple[str, tuple[int, int]]:
+        """The same with `time: seconds`; between `spans` there may be steps that are in no window."""
+        known = whole and len(window) > 0
+        first, last = self._times([window[0], window[-1]]) if known else (spans[0][0], spans[-1][1])
+        text = self._wording.during(first, last)
+        if bound.upper is None and not whole:
+            text = "so far" if last == self._recall.time(self._now) else f"{self._wording.ago(last)} or earlier"
+        if self._recall.within(first, last) != len(window) or (len(spans) > 1 and not whole):
+            text = f"in {'its window' if len(steps) == 1 else 'their windows'}, {text}"
+        return text, (first, last)
 
     def _deeper(self, sides: list[tuple[Part, bool, Steps]]) -> tuple[Reason, ...]:
         """The reasons for operands, where they are more than whether an atom held."""
@@ -88,3 +106,14 @@ class Deciding(ABC):
         unnumbered = at is not None and self._wording.is_unnumbered(at)
         window = None if window is None else self._wording.numbered(*window)
         return Reason(self._wording.formula(part), holds, text, at, window, parts, step, failed, unnumbered, told)
+
+
+def _merged(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Spans in ascending order, without empty ones; those that leave nothing between them are one."""
+    merged: list[tuple[int, int]] = []
+    for first, last in spans:
+        if merged and first <= merged[-1][1] + 1:
+            merged[-1] = merged[-1][0], max(last, merged[-1][1])
+        elif first <= last:
+            merged.append((first, last))
+    return merged

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 from oracle_server.core.explanation import Reason
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Bound
@@ -42,7 +44,7 @@ class LookingBack(Deciding):
             return self._nowhere(part, operand, steps, holds)
         times, found = self._witnesses(part, operand, steps, wanted=wanted)
         if not times:
-            return self._plain(part, steps, holds)
+            return self._unwitnessed(part, steps, holds)
         parts = self._deeper([(operand, wanted, found)])
         text, failed = self._saying.stood(operand, times, found, holds=wanted)
         text += self._saying.ran_out(formula.bound) if [*steps] == [self._now] else ""
@@ -65,11 +67,7 @@ class LookingBack(Deciding):
         return self._times(found), found
 
     def _witness_now(self, part: Part, operand: Part, *, wanted: bool) -> tuple[list[int], list[int]]:
-        """The time of the step that the engine goes by at present, and the step if it is remembered.
-
-        Values that the engine does not tell apart any more share a time, which may be that of one of them only: then
-        it is another step.
-        """
+        """The time of a step that makes `once` hold now, and the step if it is remembered; nothing if none is known."""
         when = self._when(part)
         if when is None:
             return [], []
@@ -78,11 +76,28 @@ class LookingBack(Deciding):
         if wanted in stood:
             step = found[stood.index(wanted)]
             return [when], [step]
-        if not stood or None in stood:
+        if self._is_its_own(part) and (not stood or None in stood):
             return [when], []
         window, _ = self._recall.window(_bound(part), self._now)
-        other = next((j for j in reversed(window) if self._recall.at(operand, j) is wanted), None)
+        looked = itertools.takewhile(lambda _: self._recall.spend(), reversed(window))
+        other = next((j for j in looked if self._recall.at(operand, j) is wanted), None)
         return ([], []) if other is None else ([self._recall.time(other)], [other])
+
+    def _unwitnessed(self, part: Part, steps: Steps, holds: bool) -> Reason:
+        """That a part held at all of some steps, or at none of them, where no step that decides it is known."""
+        if [*steps] != [self._now]:
+            return self._plain(part, steps, holds)
+        text = f"{'holds' if holds else 'does not hold'}; which step decides it is not known"
+        return self._reason(part, steps, holds, text)
+
+    def _is_its_own(self, part: Part) -> bool:
+        """Whether the time that the engine goes by is surely of these values.
+
+        Values that it does not tell apart any more share one, which may be that of one of them only.
+        """
+        node = self._network.places[part.path]
+        shares = isinstance(node, Window) and _bound(part).upper is None
+        return not shares or all(part.values.get(v) is None for v in node.variables)
 
     def _when(self, part: Part) -> int | None:
         """The time of a step that makes an operator hold now, as the engine knows it."""
@@ -93,7 +108,7 @@ class LookingBack(Deciding):
     def _nowhere(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:
         assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
         window, complete = self._windows(part.formula.bound, steps)
-        where, ends = self._where(part.formula.bound, steps, window)
+        where, ends = self._where(part.formula.bound, steps, window, whole=complete)
         words = "at every one" if holds else "none"
         parts: tuple[Reason, ...] = ()
         simple = is_simple(operand.formula)
@@ -131,15 +146,15 @@ class LookingBack(Deciding):
             window = (times[0], self._recall.time(steps[-1])) if between else None
             return self._reason(part, steps, True, text, times, found, window=window, parts=parts, told=lasted)
         when = self._when(part) if [*steps] == [self._now] else None
-        if when is None:
-            return self._plain(part, steps, True)
+        if when is None or not self._is_its_own(part):
+            return self._unwitnessed(part, steps, True)
         text = self._saying.since(left, right, [when], ()) + self._saying.ran_out(part.formula.bound)
         return self._reason(part, steps, True, text, [when], window=(when, self._network.timeline.now))
 
     def _since_not(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
         assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`
         window, whole = self._windows(part.formula.bound, steps)
-        where, ends = self._where(part.formula.bound, steps, window)
+        where, ends = self._where(part.formula.bound, steps, window, whole=whole)
         if whole and [*steps] == [self._now] and is_simple(right.formula) and self._recall.are(right, False, window):
             text = f"no {self._wording.name(right)} {where}"
             text += self._saying.nearest(right, part.formula.bound, window)
@@ -170,5 +185,5 @@ class LookingBack(Deciding):
 
 
 def _bound(part: Part) -> Bound:
-    assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
+    assert isinstance(part.formula, tree.Once | tree.Historically | tree.Since)  # noqa: S101 -- see `reasons`
     return part.formula.bound

@@ -70,10 +70,17 @@ class Recall:
         window, complete = self.window(bound, self.last)
         return window.start - 1 if complete and (self.first == 1 or window.start > self.first) else None
 
+    def within(self, first: int, last: int) -> int:
+        """How many remembered steps there are from one time to another."""
+        if self._timed:
+            return bisect_right(self._times, last) - bisect_left(self._times, first)
+        return max(0, min(last, self.last) - max(first, self.first) + 1)
+
     def after(self, bound: Bound) -> range:
-        """The remembered steps after the window of a bound as of now, up to the last."""
+        """The steps after the window of a bound as of now; the last one alone where some are not remembered."""
         window, _ = self.window(bound, self.last)
-        return range(max(window.stop, self.first), self.last + 1)
+        known = self.first == 1 or window.stop > self.first or (not self._timed and window.stop == self.first)
+        return range(window.stop if known else self.last, self.last + 1)
 
     def latest(self, part: Part, upto: int) -> int | None:
         """The last step up to this one at which a part held, 0 for none; None where that is not remembered."""

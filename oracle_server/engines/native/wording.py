@@ -67,11 +67,7 @@ class Wording:
             return f"at each of {len(times)} steps " + (first if first == last else f"between {first} and {last}")
         if self.is_unnumbered(times[-1]):
             return f"{self.at(times[:-1], steps[:-1])} and {_ATTEMPT}"
-        ranges = _ranges(times)
-        shown = ", ".join(_range(*each) for each in ranges[:_MOST_RANGES])
-        if len(ranges) > _MOST_RANGES:
-            shown += f" and {len(ranges) - _MOST_RANGES} more times up to {times[-1]}"
-        return f"at each of {self._recall.noun}s {shown}"
+        return f"at each of {self._recall.noun}s {_shown(_ranges(times))}"
 
     def step(self, step: int) -> str:
         """A remembered step by its number and time; at a deadline, by its event too: it is that one's deadline."""
@@ -94,6 +90,17 @@ class Wording:
             return f"in {noun}s {_range(first, last)}" if last > first else f"in {noun} {first}"
         return f"between {self.ago(first)} and {self.ago(last)}" if last > first else f"at {self._at_time(first)}"
 
+    def among(self, spans: Sequence[tuple[int, int]]) -> str:
+        """Among the steps of several spans, with `time: steps`."""
+        *before, (first, last) = spans
+        if not before:
+            return self.during(first, last)
+        if not self.is_unnumbered(last):
+            return f"in {self._recall.noun}s {_shown(spans)}"
+        return (
+            f"in {self._recall.noun}s {_shown([*before, (first, last - 1)] if last > first else before)} and {_ATTEMPT}"
+        )
+
     def window(self, bound: Bound) -> str:
         """A window as seen from the present step."""
         first, last = self.ends(bound)
@@ -104,10 +111,14 @@ class Wording:
             return f"{near} ago or earlier" if bound.lower else "so far"
         return f"between {near} and {far} ago" if bound.lower else f"in the last {far}"
 
-    def ends(self, bound: Bound) -> tuple[int, int]:
-        """The first and the last time in a window; the last is earlier where there were no such steps."""
-        first = 1 if bound.upper is None else max(1, self._now - bound.upper)
-        return first, self._now - bound.lower
+    def ends(self, bound: Bound, seen_from: int | None = None) -> tuple[int, int]:
+        """The first and the last time in a window, as seen from the present one unless from another.
+
+        The last is earlier where there were no such steps.
+        """
+        now = self._now if seen_from is None else seen_from
+        first = 1 if bound.upper is None else max(1, now - bound.upper)
+        return first, now - bound.lower
 
     def ago(self, time: int) -> str:
         """How long before the present step a time was."""
@@ -154,6 +165,14 @@ def scalar(text: Text) -> Scalar | None:
 
 def _range(first: int, last: int) -> str:
     return f"{first}–{last}" if first != last else str(first)  # noqa: RUF001 -- a range
+
+
+def _shown(ranges: Sequence[tuple[int, int]]) -> str:
+    """The first of some ranges, and how many more there are."""
+    shown = ", ".join(_range(*each) for each in ranges[:_MOST_RANGES])
+    if len(ranges) > _MOST_RANGES:
+        shown += f" and {len(ranges) - _MOST_RANGES} more times up to {ranges[-1][1]}"
+    return shown
 
 
 def _ranges(times: Sequence[int]) -> list[tuple[int, int]]:

@@ -84,9 +84,9 @@ class _Claims:
             part, holds = decides
             assert self._at(part)[self._steps.index(step)] is holds, f"{reason['formula']} at {step.number}: {self}"
             self.seen["parts"] += 1
-        beside = self._prop.time == "seconds" and reason["text"].startswith(
-            "("
-        )  # as seen from one of several at a time
+        beside = reason["text"].startswith("(") and (  # as seen from one of several at a time, or from several
+            self._prop.time == "seconds" or re.search(r"in steps [\d–]+(, | and )", reason["text"])  # noqa: RUF001
+        )
         if decides is None and isinstance(formula, tree.Once | tree.Historically) and not beside:
             for (_, at), holds in zip(self._places(), self._at(formula.operand), strict=True):
                 within = "window" in reason and reason["window"][0] <= at <= reason["window"][1]
