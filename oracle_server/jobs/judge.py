@@ -69,7 +69,7 @@ async def _read(pipe: asyncio.StreamReader) -> Frame | None:
     try:
         size = int.from_bytes(await pipe.readexactly(4), "big")
         if size > _MOST:
-            raise JudgeError("what is judged of it at once is too large")
+            raise JudgeError("what is judged of it at once is too large to be kept: judge it by `oracle-server replay`")
         frame: Frame = _frame(await pipe.readexactly(size))
     except asyncio.IncompleteReadError:
         return None

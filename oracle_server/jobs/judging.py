@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from oracle_server.core.errors import OracleError, SpecError, one_line
+from oracle_server.core.errors import OracleError, SpecError, TraceError, one_line
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.episodes import going_on, stored_episodes
@@ -31,14 +31,17 @@ from oracle_server.specfiles.load import SpecFile, parse_spec
 MEMORY = 3 * 2**30
 """Bytes of address space that a recording may take."""
 _NICE = 5
-_TOGETHER = 64
-"""Rows that are told at once."""
+_TOGETHER, _AT_ONCE = 64, 2**19
+"""Rows that are told at once, and their bytes: the server takes them in at one go, while robots' decisions wait."""
+LARGEST = 2**20
+"""The most bytes of a step, as much as a frame of a monitor's may have; that of a recording may be any."""
 _EVERY = 0.5
 """Seconds between two frames that tell how far it has got."""
 _MOST, _LONGEST = 200, 2_000
 """Notes on a recording, and characters of one."""
 _FAILURES = (OracleError, MemoryError, OverflowError, OSError)
 """What ends the judging of a recording, whatever is wrong with it."""
+_encode = msgspec.msgpack.Encoder().encode
 _task = msgspec.msgpack.Decoder(Task).decode
 
 
@@ -83,7 +86,7 @@ class Rowed:
         self._replay, self._tell = replay, tell
         self._names = tuple([p.id for p in replay.spec.properties])
         self._waiting: list[Rows] = []
-        self._count = self._position = 0
+        self._count = self._size = self._position = 0
         self._begun, self._whole = False, True
 
     def take(self, judged: list[Judged]) -> None:
@@ -92,14 +95,16 @@ class Rowed:
             self._begin()
         together = self._replay.revises
         for group in filter(None, [judged] if together else [[item] for item in judged]):
-            self._waiting.append(self._rows(group))
+            rows = self._rows(group)
+            self._waiting.append(rows)
             self._count += len(group)
-            if self._count >= _TOGETHER:
+            self._size += _size(rows)
+            if self._count >= _TOGETHER or self._size >= _AT_ONCE:
                 self.flush()
 
     def flush(self) -> None:
         """Tell the rows that there are; those before one that can't be told. Raises `OverflowError` then."""
-        waiting, self._waiting, self._count = self._waiting, [], 0
+        waiting, self._waiting, self._count, self._size = self._waiting, [], 0, 0
         if not waiting:
             return
         told, self._whole = self._whole, False
@@ -140,11 +145,23 @@ class Rowed:
         rows = Rows([], [], [])
         for item in group:
             row = self._stored(item)
+            self._demand_size(row)
             rows.steps.append(row)
             rows.episodes += stored_episodes(item, self._names, row.explanations)
             if isinstance(item, Revision):
                 rows.revisions.append(item)
         return rows
+
+    def _demand_size(self, row: StoredStep) -> None:
+        """Raise `TraceError` for a step that is larger than the server takes."""
+        size = _size((row.step, row.why))
+        if size > LARGEST:
+            self._whole = False
+            raise TraceError(
+                f"{self._replay.recording.path}: an event of {row.step.event.stream} has {size} bytes of signals, and"
+                f" the server keeps {LARGEST} of one: have the spec read no such long texts, or judge it by"
+                " `oracle-server replay`"
+            )
 
     def _stored(self, item: Judged) -> StoredStep:
         self._position += 1
@@ -153,6 +170,14 @@ class Rowed:
         row = stored(self._position, 0, item, self._replay.handled(item))
         event = msgspec.structs.replace(row.step.event, data=None)
         return msgspec.structs.replace(row, step=msgspec.structs.replace(row.step, event=event))
+
+
+def _size(told: object) -> int:
+    """Bytes by which something is told; as if it were much, where it has what can't be."""
+    try:
+        return len(_encode(told))
+    except OverflowError:
+        return _AT_ONCE  # so that it is tried at once, and refused
 
 
 def _joined(rows: Sequence[Rows]) -> Rows:

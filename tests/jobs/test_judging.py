@@ -6,10 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from oracle_server.jobs.frames import Ended, Failed, Rows, Task
-from oracle_server.jobs.judging import judge
+from oracle_server.jobs.judging import LARGEST, judge
 
 SPEC = """
 id: small
@@ -110,3 +111,43 @@ def test_what_can_not_be_told_costs_nothing_of_what_was_judged_before(tmp_path: 
     (failed,) = ended
     assert failed.state is None
     assert "beyond 64 bits" in failed.error
+
+
+TEXTS = """
+id: texts
+streams: [{topic: /a, signals: {v: msg.v, name: msg.name}}]
+properties: [{id: a_is_small, formula: '{topic: "/a"} -> {v < 10}'}]
+"""
+
+
+def long_line(i: int, size: int, **more: str) -> str:
+    at = AT + i * 10**6
+    return json.dumps({"stream": "/a", "stamp": at, "arrived": at, "data": {"v": 1, "name": "x" * size}, **more})
+
+
+def told_of(folder: Path, lines: list[str]) -> list[Any]:
+    path, told = folder / "log.jsonl", list[Any]()
+    path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
+    judge(Task(str(path), path.name, TEXTS, [], 10**9), told.append)
+    return told
+
+
+def test_long_texts_are_told_a_few_at_a_time(tmp_path: Path) -> None:
+    """The server takes in at one go what is told at once: 64 rows of megabytes kept a robot waiting for seconds."""
+    told = told_of(tmp_path, [long_line(i, 200_000) for i in range(40)])
+    rows = [frame for frame in told if isinstance(frame, Rows)]
+    assert sum(len(frame.steps) for frame in rows) == 40
+    assert max(len(msgspec.msgpack.encode(frame)) for frame in rows) < 10**6
+    assert isinstance(told[-1], Ended)
+
+
+@pytest.mark.parametrize("where", ["signals", "source"])
+def test_a_step_that_is_too_large_to_be_kept_ends_it_and_what_came_before_is_told(where: str, tmp_path: Path) -> None:
+    vast = long_line(20, LARGEST) if where == "signals" else long_line(20, 1, source="x" * LARGEST)
+    told = told_of(tmp_path, [*(long_line(i, 10) for i in range(20)), vast, long_line(21, 10)])
+    assert [step.position for frame in told if isinstance(frame, Rows) for step in frame.steps] == [*range(1, 21)]
+    failed = told[-1]
+    assert isinstance(failed, Failed)
+    assert failed.state is None
+    assert failed.error.startswith("log.jsonl: an event of /a has 104")
+    assert failed.error.endswith("or judge it by `oracle-server replay`")
