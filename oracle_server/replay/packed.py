@@ -28,12 +28,16 @@ def unpack(path: Path, folder: Path) -> None:
         with tarfile.open(path, "r:") as packed:
             for member in packed:
                 name = PurePosixPath(member.name).name
-                if member.type not in _PLAIN or member.issparse() or name.startswith("."):
+                if member.size < 0:  # the next one would be looked for before it, for ever
+                    raise TraceError(f"{path}: can't be unpacked: a file of it has a size below 0")
+                if member.type not in _PLAIN or member.issparse() or name[:1] in ("", "."):
                     continue
                 count += 1
                 if count > _MOST:
                     raise TraceError(f"{path}: has more than {_MOST} files, which no bag has")
                 _write(packed, member, path, folder / name)
+    except RecursionError:
+        raise TraceError(f"{path}: can't be unpacked: too many headers stand before a file") from None
     except (tarfile.TarError, EOFError, ValueError, OverflowError) as error:
         raise TraceError(f"{path}: can't be unpacked: {error}") from None
     if not count:

@@ -81,3 +81,40 @@ def test_names_that_are_no_utf_8_are_read(packed: bool, spec: Path, bag: Path, t
     file.rename(folder / os.fsdecode(b"m\xe4rz.db3"))
     found = judge(spec, pack(folder, tmp_path / "bag.tar", tarfile.GNU_FORMAT) if packed else folder)
     assert (found.summary["events"], found.exit) == (20, 0)
+
+
+def heading(name: str, kind: bytes, size: bytes) -> bytes:
+    """The heading of a file as nobody packs it, its size as it is to stand there."""
+    found = bytearray(tarfile.TarInfo(name).tobuf(tarfile.USTAR_FORMAT))
+    found[124:136], found[156:157], found[148:156] = size.ljust(12, b"\0"), kind, b" " * 8
+    found[148:156] = b"%06o\0 " % sum(found)
+    return bytes(found)
+
+
+BELOW = b"\xff" * 10 + b"\xfe\x00"
+"""-512, as GNU writes what octal digits can't."""
+
+
+@pytest.mark.parametrize("kind", [b"0", b"Z"])
+def test_a_size_below_0_has_an_end(kind: bytes, spec: Path, tmp_path: Path) -> None:
+    """The next file was the one itself, for ever."""
+    path = tmp_path / "back.tar"
+    path.write_bytes(heading(".first", b"0", b"0") + heading(".again", kind, BELOW) + bytes(1024))
+    with pytest.raises(TraceError, match=r"back\.tar: can't be unpacked: "):
+        judge(spec, path)
+
+
+@pytest.mark.parametrize(("kind", "body"), [(b"L", b"name\0"), (b"x", b"9 a=bcde\n")])
+def test_headings_without_number_before_a_file_are_said(kind: bytes, body: bytes, spec: Path, tmp_path: Path) -> None:
+    path = tmp_path / "many.tar"
+    one = heading("long", kind, b"%o" % len(body)) + body.ljust(512, b"\0")
+    path.write_bytes(one * 5_000 + heading("bag.db3", b"0", b"0") + bytes(1024))
+    with pytest.raises(TraceError, match=r"many\.tar: can't be unpacked: too many headers stand before a file"):
+        judge(spec, path)
+
+
+def test_a_file_without_a_name_is_passed_over(spec: Path, tmp_path: Path) -> None:
+    path = tmp_path / "nameless.tar"
+    path.write_bytes(heading("/", b"0", b"0") + bytes(1024))
+    with pytest.raises(TraceError, match=r"nameless\.tar: has no files"):
+        judge(spec, path)
