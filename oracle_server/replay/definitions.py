@@ -80,9 +80,18 @@ def type_name(name: str) -> str:
     package, divided, rest = name.partition("/")
     if not divided:
         return name
-    if "/" not in rest or rest.startswith("action/") or (rest.startswith("srv/") and rest.endswith(EVENT)):
+    if "/" not in rest or rest.startswith("action/") or _is_of_events(rest):
         return f"{package}/msg/{rest.rpartition('/')[2]}"
     return name
+
+
+def type_said(name: str) -> str:
+    """What a spec says of the type of a topic's messages."""
+    return name if _is_of_events(name.partition("/")[2]) else type_name(name)
+
+
+def _is_of_events(rest: str) -> bool:
+    return rest.startswith("srv/") and rest.endswith(EVENT)
 
 
 def event_parts(name: str) -> tuple[str, str]:

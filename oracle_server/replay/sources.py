@@ -18,7 +18,7 @@ from oracle_server.core.stamps import DEFAULT_PATHS, stamp_fault, stamp_in
 from oracle_server.replay.bagmessages import message_reader, read_any_text, ros1_decoder
 from oracle_server.replay.blocks import ZSTD
 from oracle_server.replay.coverage import signal_names
-from oracle_server.replay.definitions import EVENT, event_parts, type_name, types_of
+from oracle_server.replay.definitions import EVENT, event_parts, type_name, type_said, types_of
 from oracle_server.replay.passing import Filter
 from oracle_server.replay.recording import Projected
 from oracle_server.replay.roles import EVENTS, Role
@@ -87,8 +87,9 @@ class Topic:
 
     @property
     def is_service(self) -> bool:
-        """Whether the messages are a service's events."""
-        return self.name.endswith(EVENTS)
+        """Whether the messages are a service's events, and these its calls: a spec may have them as messages."""
+        plain = self.role is not None and any(key.kind == "topic" for key in self.role.streams)
+        return self.name.endswith(EVENTS) and not plain
 
     @property
     def surveyed(self) -> bool:
@@ -103,7 +104,7 @@ class Topic:
 
     def takes(self, channel: Channel) -> bool:
         """Whether the messages of a channel are of the type that the spec says; which are there is noted."""
-        name = channel.type.removesuffix(EVENT) if self.is_service else type_name(channel.type) if channel.type else ""
+        name = channel.type.removesuffix(EVENT) if self.is_service else type_said(channel.type)
         if channel.promised != 0:
             self.types[name] = self.types.get(name, 0) + (channel.promised or 0)
         return not self.wanted or name == self.wanted

@@ -15,6 +15,7 @@ from oracle_server.core.shapes import Many, Record, Shape, Value, ValueKind
 from oracle_server.core.typed import Missing, TypedMessage
 from oracle_server.rostypes import standard
 from oracle_server.rostypes.definition import PRIMITIVES, Fields
+from oracle_server.rostypes.events import event_fields, service_of
 from oracle_server.rostypes.folders import PARTS, Workspace, read_folder
 from oracle_server.rostypes.others import is_well_known
 
@@ -66,6 +67,9 @@ class Types:
         return TypedMessage(shape, None if anywhere == shape else anywhere, None if everywhere == shape else everywhere)
 
     def _variants(self, name: str, ros: Ros | None) -> list[Fields]:
+        service = service_of(name) if ros != 1 else ""
+        if service:
+            return [event_fields(service)] if self._variants(f"{service}_Request", ros) else []
         if name in self._own:
             return [self._own[name]]
         sourced = self._sourced.types(name.partition("/")[0]).get(name)
@@ -113,6 +117,12 @@ class Types:
                 yield name
 
     def _missing(self, name: str) -> Missing:
+        service = service_of(name)
+        if service and not self._variants(f"{service}_Request", None):
+            return self._missing(f"{service}_Request")
+        if service:
+            no_events = f"there is no {name} on ROS 1, where services tell nothing of their calls"
+            return Missing(f"{no_events}; observe the service itself, by the key `service`", "error")
         type_ = _written(name)
         package, kind, short = type_.split("/")
         if name in self._sourced.types(package):

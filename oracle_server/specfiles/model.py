@@ -75,7 +75,9 @@ Close = Annotated[int, BeforeValidator(_close, Annotated[str, Field(pattern=r"^a
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
 MessageType = Annotated[
-    str, BeforeValidator(partial(_type_key, kind="msg"), _TypeName), Field(pattern=r"^(\w+/msg/\w+)?$")
+    str,
+    BeforeValidator(partial(_type_key, kind="msg"), _TypeName),
+    Field(pattern=r"^(\w+/msg/\w+|\w+/srv/\w+_Event)?$"),
 ]
 ServiceType = Annotated[
     str, BeforeValidator(partial(_type_key, kind="srv"), _TypeName), Field(pattern=r"^(\w+/srv/\w+)?$")

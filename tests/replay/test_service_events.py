@@ -133,6 +133,28 @@ def test_a_filtered_service_is_judged_by_what_was_asked_of_its_proxy(tmp_path: P
     assert [kind for kind, _ in calls(found)] == ["request", "response", "request"], "a denied request has no response"
 
 
+def test_events_are_messages_where_the_spec_has_their_topic(tmp_path: Path) -> None:
+    spec = """
+id: adding
+ordering: {by: arrival}
+streams:
+  - topic: /add/_service_event
+    type: sums/srv/Add_Event
+    stamp: info.stamp
+    signals: {asked: msg.info.event_type == 1, a: "size(msg.request) > 0 ? msg.request[0].a : 0"}
+properties:
+  - {id: small, formula: '{asked} -> {a <= 5}'}
+"""
+    rows = call("/add", 1, 3) + call("/add", 2, 9)
+    found = judge(write_spec(tmp_path, spec), write(tmp_path / "bag", rows, StoragePlugin.MCAP))
+    assert found.summary["events"] == len(rows)
+    assert (found.summary["properties"]["small"]["violations"], found.summary["properties"]["small"]["unknown"]) == (
+        1,
+        0,
+    )
+    assert (found.exit, found.strict) == (1, 1)
+
+
 def test_an_event_whose_definition_is_unknown_is_told(tmp_path: Path) -> None:
     bag = write(tmp_path / "bag", call("/add", 1, 3), StoragePlugin.MCAP, definition="Odd x\n---\n")
     found = judge(write_spec(tmp_path, PLAIN), bag)

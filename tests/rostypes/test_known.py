@@ -212,3 +212,27 @@ def test_a_message_with_a_field_of_an_unknown_type_is_not_checked(tmp_path: Path
     types = Types([tmp_path], {})
     assert "the type other_msgs/msg/Thing of a field is not known" in missing("arm_msgs/msg/State", types).message
     assert missing("arm_msgs/msg/A", types).severity == "warning"
+
+
+def test_the_events_of_a_service_are_known_by_its_definition(tmp_path: Path) -> None:
+    package(tmp_path / "arm_msgs", {"srv/Move.srv": "float64 speed\n---\nbool ok\n"})
+    types = Types([tmp_path], {})
+    events = shape("arm_msgs/srv/Move_Event", types)
+    assert at(events, ("info", "stamp", "sec")) == Value("whole", "int32")
+    for half, fields in {
+        "request": {"speed": Value("real", "float64")},
+        "response": {"ok": Value("bool", "bool")},
+    }.items():
+        found = events.fields[half]
+        assert isinstance(found, Many)
+        assert isinstance(found.of, Record)
+        assert found.of.fields == fields
+    assert "has no srv 'Mov'; did you mean `Move`?" in missing("arm_msgs/srv/Mov_Event", types).message
+    assert missing("legs_msgs/srv/Move_Event", types).severity == "warning"
+
+
+def test_services_of_ros_1_have_no_events() -> None:
+    found = STANDARD.message("std_srvs/srv/SetBool_Event", 1)
+    assert isinstance(found, Missing)
+    assert found.severity == "error"
+    assert "services tell nothing of their calls; observe the service itself" in found.message

@@ -124,3 +124,22 @@ monitors:
 def test_what_is_no_configuration_is_refused_in_one_line(tmp_path: Path, config: str, word: str) -> None:
     (tmp_path / "config.yaml").write_text(config)
     assert word in failed("import", tmp_path / "config.yaml")
+
+
+def test_a_topic_of_a_services_events_is_kept_with_its_type(tmp_path: Path) -> None:
+    module = """
+PROPERTY = "historically(not {on})"
+predicates = dict(time=0, on=False)
+
+
+def abstract_message(message):
+    if "topic" in message and "SetBool" in message["topic"]:
+        predicates["on"] = len(message["request"]) > 0 and message["request"][0]["data"]
+    predicates["time"] = message["time"]
+    return predicates
+"""
+    config = one("topics: [{name: /SetBool/_service_event, type: std_srvs.srv.SetBool_Event, action: log}]")
+    text, _ = imported(tmp_path, config, never=module)
+    (stream,) = parse_spec(text, "spec.yaml").spec.streams
+    assert stream.type == "std_srvs/srv/SetBool_Event"
+    assert "msg.request[0].data" in text

@@ -23,6 +23,7 @@ Read = Callable[[Any], Any]
 SEQUENCE = re.compile(r"sequence<(?P<of>.+?)(, \d+)?>|(?P<array>.+)\[(?P<size>\d+)\]")
 _NO_NUMBERS = frozenset({"NaN", "Infinity", "-Infinity"})
 _BYTES = frozenset({"uint8", "octet", "byte"})
+_HALVES = ("_Request", "_Response")
 
 
 class CodecError(Exception):
@@ -30,11 +31,16 @@ class CodecError(Exception):
 
 
 def load_type(name: str) -> Any:
-    """The class of `pkg/msg/Type` or `pkg/srv/Type`; raises `CodecError` where it is not there or not whole."""
+    """The class of `pkg/msg/Type` or `pkg/srv/Type`; raises `CodecError` where it is not there or not whole.
+
+    Fields name their types as `pkg/Type`, which may also be half of a service: events of its calls hold these.
+    """
     package, _, rest = name.partition("/")
     kind, _, type_name = rest.rpartition("/")
+    if not kind:
+        kind = "srv" if type_name.endswith(_HALVES) else "msg"
     try:
-        found = getattr(importlib.import_module(f"{package}.{kind or 'msg'}"), type_name)
+        found = getattr(importlib.import_module(f"{package}.{kind}"), type_name)
         check_for_type_support(found)
     except Exception as error:  # whatever its package does: fields named as words of Python's make it no Python
         raise CodecError(f"the type {name} can't be loaded; is its package built and sourced? ({error})") from error
