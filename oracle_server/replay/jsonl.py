@@ -16,7 +16,7 @@ from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
 from oracle_server.core.units import counted
 from oracle_server.replay.attempts import Attempts
-from oracle_server.replay.line import MAX_LINE, Found, Line, read_line
+from oracle_server.replay.line import MAX_LINE, Found, Line, ends_early, read_line
 from oracle_server.replay.positions import Positions
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
@@ -183,4 +183,4 @@ def read_lines(path: Path, spec: Spec) -> Trace:
 
 def _is_cut(text: bytes, read: int, size: int) -> bool:
     """Whether a line is the last of its file, and lacks its end."""
-    return read >= size and not text.endswith(b"\n") and not text.rstrip().endswith(b"}")
+    return read >= size and not text.endswith(b"\n") and (not text.rstrip().endswith(b"}") or ends_early(text))

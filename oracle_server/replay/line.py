@@ -116,6 +116,17 @@ def read_line(text: bytes) -> Found:
     return Found(line, fault, _misspelt(fields) if own else "")
 
 
+def ends_early(text: bytes) -> bool:
+    """Whether a text is the beginning of an object, which may end with the `}` of one in it."""
+    try:
+        decode_object(text)
+    except json.JSONDecodeError as error:
+        return error.pos >= len(error.doc.rstrip()) or error.msg.startswith("Unterminated string")
+    except (ValueError, TypeError, RecursionError):
+        return False
+    return False
+
+
 def _of_flat(value: dict[str, Any]) -> tuple[dict[str, Any], str]:
     """The fields of a `Line` from a flat event, and what is wrong with its times."""
     flat = flat_event(value)
@@ -148,6 +159,10 @@ def _no_json(error: json.JSONDecodeError) -> str:
     text = error.doc.rstrip()
     if error.pos >= len(text):
         return f"not JSON: it ends early, at column {len(text)}; an event is one line"
+    if text[error.pos] == "\0":
+        return (
+            f"from column {error.pos + 1} on it has NUL bytes, as where the power failed; delete them, or cut it there"
+        )
     snippet = one_line(text[error.pos : error.pos + _SNIPPET])
     if error.msg == "Extra data":
         return (

@@ -117,12 +117,8 @@ class Types:
                 yield name
 
     def _missing(self, name: str) -> Missing:
-        service = service_of(name)
-        if service and not self._variants(f"{service}_Request", None):
-            return self._missing(f"{service}_Request")
-        if service:
-            no_events = f"there is no {name} on ROS 1, where services tell nothing of their calls"
-            return Missing(f"{no_events}; observe the service itself, by the key `service`", "error")
+        if service_of(name):
+            return self._no_events(name, f"{service_of(name)}_Request")
         type_ = _written(name)
         package, kind, short = type_.split("/")
         if name in self._sourced.types(package):
@@ -147,6 +143,13 @@ class Types:
             else nearest(short, shorts) or "give the folder of a newer one with --types"
         )
         return Missing(f"the package {package} has no {kind} '{short}'; {hint}", "error")
+
+    def _no_events(self, name: str, request: str) -> Missing:
+        """Why the events of a service are not known, whose requests have this name."""
+        if not self._variants(request, None):
+            return self._missing(request)
+        no_events = f"there is no {name} on ROS 1, where services tell nothing of their calls"
+        return Missing(f"{no_events}; observe the service itself, by the key `service`", "error")
 
 
 _HOW = "give the folder of its package with --types, or source the workspace"

@@ -53,7 +53,8 @@ def decode_object(text: bytes | str) -> dict[str, Any]:
 
 def _leniently(text: bytes | str) -> Any:
     try:
-        return json.loads(text, parse_constant=str)
+        # as text: of bytes with NUL among the first json takes another encoding
+        return json.loads(text if isinstance(text, str) else text.decode("utf-8-sig"), parse_constant=str)
     except json.JSONDecodeError:
         raise
     except ValueError:  # Python's own words name a setting that nobody can set here

@@ -265,6 +265,10 @@ BROKEN: dict[str, tuple[str, str]] = {
     "odd places": ('{"stream": "/a", "data": {}, "places": 5}', "`places` is 5, which it can't be"),
     "odd things in it": ('{"stream": "/a", "data": {}, "failed": [5]}', "`failed` is a list of 1, which it can't be"),
     "half a pair": ('{"stream": "/a", "data": {"x": "\\ud800"}}', "it has half a surrogate pair, which is no text"),
+    "zeros": (
+        "\0" * 4096,
+        "from column 1 on it has NUL bytes, as where the power failed; delete them, or cut it there",
+    ),
     "many digits": (
         f'{{"stream": "/a", "data": {{"x": {"9" * 5000}}}}}',
         "it has a whole number with more than 4,300 digits",
@@ -283,6 +287,24 @@ def test_a_line_that_is_no_event_is_told_in_plain_words(case: str, tmp_path: Pat
     with pytest.raises(TraceError) as error:
         judge(spec(tmp_path), path)
     assert str(error.value).startswith(f"{path}:3: not an event: {said}")
+
+
+def test_a_last_line_that_was_cut_anywhere_is_left_out_and_told(tmp_path: Path) -> None:
+    last = json.dumps(own(3, text="} a {b}", inner={"x": {"y": 1}}))
+    for length in range(1, len(last)):
+        path = log(tmp_path, own(1), own(2))
+        path.write_text(path.read_text() + last[:length])
+        found = judge(spec(tmp_path), path)
+        assert found.summary["events"] == 2, last[:length]
+        assert f"{path.name}:3: ends early, within a line" in found.said, last[:length]
+        assert (found.exit, found.strict) == (0, 3), last[:length]
+
+
+def test_a_last_line_that_is_whole_counts_without_its_end(tmp_path: Path) -> None:
+    path = log(tmp_path, own(1), own(2))
+    path.write_text(path.read_text().rstrip())
+    found = judge(spec(tmp_path), path)
+    assert (found.summary["events"], found.strict) == (2, 0)
 
 
 def test_a_line_that_is_no_text_is_told_in_plain_words(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The events of a service, observed live as the messages of a topic: its calls are seen, and nobody has to use a proxy."""
+"""The events of a service, observed live as the messages of a topic: nobody has to use a proxy."""
 
 from __future__ import annotations
 

@@ -279,7 +279,12 @@ class _Parser:
         if self._signals and not is_foreign(name.text):
             return tree.Path((name.text,), (name.start,), name.start, name.end)
         is_compared = before is not None and before.text in ("==", "!=", "=", "is")
-        raise self._refused(name, unknown_name(name.text, self._variables, compared=is_compared))
+        path = [name.text]
+        for token in self._tokens[self._at :]:
+            if token.text not in (".", ":") and token.kind != "name":
+                break
+            path += [token.text] if token.kind == "name" else []
+        raise self._refused(name, unknown_name(path, self._variables, compared=is_compared))
 
     def _call(self, name: Token) -> Node:
         function = FUNCTIONS.get(name.text)

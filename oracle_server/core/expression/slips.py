@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from oracle_server.core.expression.functions import FUNCTIONS, unknown_function
 from oracle_server.core.expression.tokens import Token
@@ -91,9 +91,13 @@ def _bracket(token: Token, opened: Token | None) -> str:
     return f"`{token.text}` does not close the `{opened.text}` before it: a `{wanted}` is missing"
 
 
-def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
-    """What is said of a name that is neither `msg` nor a variable; `compared`: it stands behind `==` or `!=`."""
-    elsewhere = _elsewhere(name)
+def unknown_name(path: Sequence[str], variables: Iterable[str], *, compared: bool) -> str:
+    """What is said of a name that is neither `msg` nor a variable, the first of a path of names.
+
+    `compared`: it stands behind `==` or `!=`.
+    """
+    name = path[0]
+    elsewhere = _of_type(path) or _elsewhere(name)
     if elsewhere is not None:
         return elsewhere
     told = f"unknown name '{name}'"
@@ -115,6 +119,12 @@ def no_constant(name: str) -> str | None:
     if len(name) < 2 or not name.isupper():
         return None
     return f"constants of a message's type are not read: write the number that its .msg file gives for `{name}`"
+
+
+def _of_type(path: Sequence[str]) -> str | None:
+    """What to write for a constant behind its type's name, as `GoalStatus.STATUS_ABORTED`; None for any other path."""
+    constant = no_constant(path[-1]) if len(path) > 1 and path[-2][:1].isupper() else None
+    return None if constant is None else f"unknown name '{path[0]}'; {constant}"
 
 
 def is_foreign(name: str) -> bool:
