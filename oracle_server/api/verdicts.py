@@ -40,6 +40,8 @@ from oracle_server.wire.outgoing import Record
 
 _CHUNK = 100
 """Lines of a trace that are sent at once."""
+_LONG = 2**18
+"""Bytes beyond which these are fewer: the event loop copies what is sent."""
 
 
 class RecordPage(BaseModel):
@@ -152,14 +154,21 @@ async def _json_lines(
 async def _chunks(
     history: History, first: Sequence[object] | None, pages: AsyncGenerator[Sequence[object], None]
 ) -> AsyncIterator[bytes]:
-    """The lines as text, `_CHUNK` at once; the next ones are made when the client has read the last ones."""
+    """The lines as text, some at once; the next ones are made when the client has read the last ones."""
     async with aclosing(pages):
         lines = first
         while lines is not None:
-            for start in range(0, len(lines), _CHUNK):
-                yield await history.in_thread(partial(_joined, lines[start : start + _CHUNK]))
+            at = 0
+            while at < len(lines):
+                text, at = await history.in_thread(partial(_joined, lines, at))
+                yield text
             lines = await anext(pages, None)
 
 
-def _joined(lines: Sequence[object]) -> bytes:
-    return b"".join(encode_bytes(line) + b"\n" for line in lines)
+def _joined(lines: Sequence[object], at: int) -> tuple[bytes, int]:
+    """The text of the next lines from a place on, and the place behind them."""
+    text, end = bytearray(), min(at + _CHUNK, len(lines))
+    while at < end and len(text) < _LONG:
+        text += encode_bytes(lines[at]) + b"\n"
+        at += 1
+    return bytes(text), at

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncGenerator
 
 import pytest
+from starlette.types import Message
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
 from tests.api.conftest import Asked
+from tests.processes import PATIENCE
 from tests.sessions.making import Kept, attach, event
 
 
@@ -41,3 +44,27 @@ async def test_all_pages_are_sent_once(asked: Asked, what: str) -> None:
     await asked.registry.flush()
     lines = (await asked.http.get(f"/api/v1/sessions/s/{what}")).text.splitlines()
     assert len(lines) == len({*lines}) == 2501
+
+
+async def test_long_lines_are_sent_a_few_at_once(asked: Asked) -> None:
+    """What is sent at once is copied on the event loop: a hundred lines of a megabyte kept all decisions waiting."""
+    live, monitor = await asked.registry.attach(attach("s", "texts"), Kept())
+    for i in range(1, 31):
+        live.ingest(monitor, event(i, "/a", name=f"{i}" + "x" * 100_000, list=[]))
+    live.ledger.write()
+    await asked.registry.flush()
+    pieces: list[bytes] = []
+
+    async def receive() -> Message:
+        await asyncio.Event().wait()
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        pieces.append(message.get("body", b""))
+
+    path = "/api/v1/sessions/s/trace"
+    scope = {"type": "http", "method": "GET", "path": path, "headers": [], "query_string": b"", "state": {}}
+    async with asyncio.timeout(PATIENCE):
+        await asked.guarded(scope, receive, send)
+    assert b"".join(pieces).count(b"\n") == 30
+    assert max(map(len, pieces)) < 10**6
