@@ -14,6 +14,7 @@ from oracle_server.core.plan import can_meet
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.units import counted, span
+from oracle_server.replay.asked import told
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
 from oracle_server.replay.recording import Note, part_of
 from oracle_server.replay.run import Replay
@@ -79,7 +80,10 @@ def conclude(replay: Replay) -> Conclusion:
     for name, text in _unread(replay, notes):
         unjudged.setdefault(name, text)
     doubts = [note.text for note in notes if note.doubt and note.text not in unjudged.values()]
+    idle = [each for each in replay.asked.idle(coverage) if each.property.id not in {*unjudged, *replay.violated}]
+    strange = list(dict.fromkeys(replay.vocabulary.doubts(idle)))
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
+    doubts += [text for _, text in strange]
     status = SOUND
     if unusable:
         status = UNUSABLE
@@ -89,6 +93,7 @@ def conclude(replay: Replay) -> Conclusion:
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
     remarks += tuple(f"{name}: judged from step {step} on, and unknown before" for name, step in replay.begun.items())
+    remarks += tuple(told([each for each in idle if each.property.id not in dict(strange)]))
     if replay.revised:
         remarks += (replay.revised,)
     return Conclusion(

@@ -20,7 +20,7 @@ _Path = tuple[str, ...]
 _SPACES = str.maketrans("- ", "__")
 
 
-class _Asked(NamedTuple):
+class Wanted(NamedTuple):
     """That a property or derived signal compares a signal with a text, at the events that its atom may meet."""
 
     reader: str
@@ -35,14 +35,14 @@ class Spelling:
     def __init__(self, spec: Spec) -> None:
         """Begin with nothing seen."""
         self._signals = names = {key: signal_names(spec, key) for key in spec.by_key}
-        asked = dict.fromkeys(_Asked(reader, *each) for reader, atoms in _readers(spec) for each in _texts(atoms))
-        self._asked = {each: _sources(spec, names, each) for each in asked}
+        asked = dict.fromkeys(Wanted(reader, *each) for reader, atoms in readers(spec) for each in texts_in(atoms))
+        self._asked = {each: sources_of(spec, names, each) for each in asked}
         """By what is asked the streams whose values may be meant."""
         self._seen: dict[tuple[StreamKey, str], dict[str, set[str]]] = {}
         """By stream, signal and plain spelling, how its values were spelt."""
         for each, sources in self._asked.items():
             for key in sources:
-                self._seen.setdefault((key, each.name), {}).setdefault(_plain(each.text), set())
+                self._seen.setdefault((key, each.name), {}).setdefault(plain(each.text), set())
         self._names = {key: [n for n in own if (key, n) in self._seen] for key, own in names.items()}
 
     def look(self, stream: StreamKey, signals: Mapping[str, Scalar]) -> None:
@@ -50,7 +50,7 @@ class Spelling:
         for name in self._names.get(stream, ()):
             value = signals.get(name)
             if isinstance(value, str):
-                seen = self._seen[stream, name].get(_plain(value))
+                seen = self._seen[stream, name].get(plain(value))
                 if seen is not None:
                     seen.add(value)
 
@@ -63,17 +63,17 @@ class Spelling:
         )
         yield from told
 
-    def _otherwise(self, asked: _Asked) -> Set[str]:
+    def _otherwise(self, asked: Wanted) -> Set[str]:
         """How a text was spelt, none where it was as its reader asks, there or by another atom."""
-        plain = _plain(asked.text)
-        ways = {(key, value) for key in self._asked[asked] for value in self._seen[key, asked.name][plain]}
+        spelt = plain(asked.text)
+        ways = {(key, value) for key in self._asked[asked] for value in self._seen[key, asked.name][spelt]}
         if not ways:
             return set()
         by_reader = [each for each in self._asked if (each.reader, each.name) == (asked.reader, asked.name)]
         wanted = {(key, each.text) for each in by_reader for key in self._asked[each]}
         return set() if ways & wanted else {value for _, value in ways}
 
-    def _of(self, asked: _Asked) -> str:
+    def _of(self, asked: Wanted) -> str:
         """Whose signal it is, where others have one of its name."""
         sources = self._asked[asked]
         others = any(asked.name in own and key not in sources for key, own in self._signals.items())
@@ -139,10 +139,10 @@ def _compared_in(expression: Expression) -> Iterator[tuple[_Path, Scalar]]:
 
 
 def _alike(value: str, wanted: Scalar) -> bool:
-    return isinstance(wanted, str) and _plain(value) == _plain(wanted)
+    return isinstance(wanted, str) and plain(value) == plain(wanted)
 
 
-def _sources(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: _Asked) -> list[StreamKey]:
+def sources_of(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: Wanted) -> list[StreamKey]:
     """The streams that have a signal which an atom reads at their events, or at others' since they hold it."""
     return [
         key
@@ -151,7 +151,7 @@ def _sources(spec: Spec, names: Mapping[StreamKey, Sequence[str]], asked: _Asked
     ]
 
 
-def _readers(spec: Spec) -> Iterator[tuple[str, tuple[Atom, ...]]]:
+def readers(spec: Spec) -> Iterator[tuple[str, tuple[Atom, ...]]]:
     """The properties and derived signals, by name, each with the atoms that it reads."""
     yield from ((prop.id, prop.atoms) for prop in spec.properties if not prop.external)
     for each in spec.derive:
@@ -159,7 +159,7 @@ def _readers(spec: Spec) -> Iterator[tuple[str, tuple[Atom, ...]]]:
         yield each.name, (*each.tested, *(Atom((Constraint(path[0], "==", text),)) for path, text in compared))
 
 
-def _texts(atoms: Iterable[Atom]) -> Iterator[tuple[str, str, Atom]]:
+def texts_in(atoms: Iterable[Atom]) -> Iterator[tuple[str, str, Atom]]:
     """The signals that atoms compare with texts, with these, and what else the atoms say of whose events they mean."""
     for atom in atoms:
         for constraint in atom.constraints:
@@ -167,6 +167,6 @@ def _texts(atoms: Iterable[Atom]) -> Iterator[tuple[str, str, Atom]]:
                 yield constraint.key, constraint.value, Atom(tuple(c for c in atom.constraints if c.key in NAMING))
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """A text without what is easily written otherwise: capitals, white space and slashes around it, `-` and spaces."""
     return text.strip().strip("/").casefold().translate(_SPACES)
