@@ -211,10 +211,10 @@ class Judge(Blaming):
             return None
         return self._ticked_with(found, (signals, frozenset(failed)), (stored, frozenset(failing)), time, now)
 
-    def end(self, now: int) -> Judged | None:
+    def end(self, now: int, at: int | None = None) -> Judged | None:
         """Decide what is open, for properties with `at_end: violated`: nothing will come any more.
 
-        None where no obligation is decided by that.
+        `at` is the time (ns), where it is recorded. None where no obligation is decided by that.
         """
         for state in self.properties:
             state.unanswered = NO_UNANSWERED
@@ -224,7 +224,7 @@ class Judge(Blaming):
         for state in self.properties:
             if not state.settles:
                 state.explain(state.outcome)
-        time = self._until
+        time = self._until if at is None else at
         held, failing = together(self._held.values())
         signals, failed = self._derived.at(time, self.counters.steps, held, failing)
         return self._ticked_with(found, (signals, frozenset(failed)), (held, frozenset(failing)), time, now, ENDED)

@@ -39,7 +39,7 @@ class Resumable:
             self.now = max(self.now, judged)
             judge = self.judges[order]
             ended, number = step.event.source == ENDED, step.event.seq
-            again = judge.end(judged) if ended else judge.tick(step.stamp, judged, step.signals)
+            again = judge.end(judged, step.stamp) if ended else judge.tick(step.stamp, judged, step.signals)
             judge.counters.ticks = max(judge.counters.ticks, number)  # each number stands in the history once
             return again
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:

@@ -287,9 +287,9 @@ class RevisingJudge(RewindableJudge):
         self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
         return msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
 
-    def end(self, now: int) -> Judged | None:
+    def end(self, now: int, at: int | None = None) -> Judged | None:
         """Say what is final within the horizon: nothing will come any more, and nothing has a place from then on."""
-        asked, end = self.asked, partial(super().end, now)
+        asked, end = self.asked, partial(super().end, now, at)
         tick = end() if asked is None else self._answering(asked, end)
         if tick is not None:
             self._keep_tick(tick, tick.step.stamp)
