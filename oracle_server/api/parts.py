@@ -37,7 +37,8 @@ class PartModel(BaseModel):
     runs: list[tuple[int, Literal["holds", "fails", "unknown", "not_told"]]]
     signal: str | None = Field(description="Of an atom, the first signal that it reads")
     values: list[tuple[int, bool | int | float | str | None]] = Field(
-        description="That signal's values as the formula saw them; null where it had none"
+        description="That signal's values as the formula saw them; null where it had none, or the formula was not "
+        "asked, as the outcome was final before"
     )
 
 
