@@ -24,6 +24,8 @@ class Imported:
     findings: tuple[Finding, ...]
     judges: bool = True
     """Whether any property can say anything before what is left is written."""
+    notes: tuple[str, ...] = ()
+    """What else is to be known, which is nothing to be done for sure."""
 
     @property
     def refused(self) -> bool:
@@ -51,7 +53,9 @@ class Imported:
             told.append(
                 "nothing was imported that judges anything: each property is unknown until its TODOs are written"
             )
-        return told or [f"sound, {_count(warnings, 'warning')}" if warnings else "sound"]
+        if not told:
+            told.append(f"sound, {_count(warnings, 'warning')}" if warnings else "sound")
+        return [*told, *self.notes]
 
 
 def write_spec(text: str, out: Path | None, types: Types) -> tuple[Finding, ...]:

@@ -20,6 +20,11 @@ from oracle_server.specfiles.rosmonitoring.module import read_module
 from oracle_server.specfiles.rosmonitoring.streams import Stream
 from oracle_server.specfiles.rosmonitoring.translate import Translation, reason_line
 
+_BOUNDS = (
+    "the bounds of {} count events, as with an oracle's --discrete; where it ran with --dense they were seconds: say "
+    "`time: seconds` there, and look at what differs (docs/from-rosmonitoring.md)"
+)
+
 
 def import_config(config: Path, modules: Sequence[Path], out: Path | None, types: Types) -> Imported:
     """Write the spec of a configuration, or print it, and check it. Raises `ConfigError`, `NotWrittenError`."""
@@ -32,7 +37,9 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None, types
     draft = make_draft(read, [read_module(path) for path in modules], types)
     text = spec_text(read, draft, config.name)
     findings = write_spec(text, out, types)
-    return Imported(tuple(todos(draft)), tuple(draft.failing), findings, judges=draft.judges)
+    counting = [module.name for module, found in draft.properties if found is not None and _is_bounded(found)]
+    notes = (_BOUNDS.format(", ".join(counting)),) if counting else ()
+    return Imported(tuple(todos(draft)), tuple(draft.failing), findings, judges=draft.judges, notes=notes)
 
 
 def todos(draft: Draft) -> list[str]:
@@ -220,14 +227,18 @@ def _id(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]", "_", name)[:64]
 
 
-def _remarks(found: Translation) -> list[str]:
-    """What a reader of the spec is told of a formula that is judged."""
-    bounded = found.formula is not None and any(
+def _is_bounded(found: Translation) -> bool:
+    """Whether a formula has bounds, which an oracle took for seconds with `--dense`."""
+    return found.formula is not None and any(
         isinstance(node, Once | Historically | Since) and (node.bound.lower or node.bound.upper is not None)
         for node in walk(found.formula)
     )
+
+
+def _remarks(found: Translation) -> list[str]:
+    """What a reader of the spec is told of a formula that is judged."""
     remarks = []
-    if bounded:
+    if _is_bounded(found):
         remarks.append(
             "Bounds count events here, as with the oracle's --discrete. `time: seconds` would count seconds,"
         )
