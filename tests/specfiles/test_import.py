@@ -204,7 +204,7 @@ def test_what_is_done_is_sound_and_strict_accepts_it(tmp_path: Path) -> None:
     (tmp_path / "hello.py").write_text(module.replace("hash(message['data']) % 2", "len(str(message['data'])) % 2"))
     files = (tmp_path / "config.yaml", "--properties", tmp_path / "hello.py", "-o", tmp_path / "spec.yaml")
     ended = run("import", *files, "--strict")
-        assert (ended.returncode, ended.stderr.splitlines()[0]) == (0, f"{tmp_path / 'spec.yaml'}: sound")
+    assert (ended.returncode, ended.stderr.splitlines()[0]) == (0, f"{tmp_path / 'spec.yaml'}: sound")
     assert run("check", "--strict", tmp_path / "spec.yaml").returncode == 0
 
 
