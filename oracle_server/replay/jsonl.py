@@ -17,6 +17,7 @@ from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
 from oracle_server.core.units import counted
 from oracle_server.replay.attempts import Attempts
 from oracle_server.replay.line import MAX_LINE, Found, Line, ends_early, read_line
+from oracle_server.replay.numbered import Numbers
 from oracle_server.replay.positions import Positions
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
@@ -55,6 +56,7 @@ class Trace:
     """Events of the spec's names, which has them of another kind."""
     _lost: int = 0
     _back: list[str] = field(default_factory=list)  # where simulated time went back
+    _numbers: Numbers = field(default_factory=Numbers)
     _names: frozenset[str] = field(init=False)
     _times: Times = field(init=False)
     _attempts: Attempts = field(init=False)
@@ -86,6 +88,7 @@ class Trace:
                     self.until = max(self.until, line.arrived or 0)
                 if line.back:
                     self._back.append(place)
+                self._numbers.take(line, place)
                 taken = self._attempts.take(line)
                 event = None if taken.name is None else self._event(line, taken.name, place, fault)
                 if event is not None:
@@ -152,6 +155,7 @@ class Trace:
             if count:
                 what = f"{name}: {counted(count, 'event')} of the kind `{kind}`"
                 yield Note(f"{what}, and the spec has another one there", doubt=True)
+        yield from self._numbers.notes()
         if self._back:
             what = f"{self._back[0]}: simulated time went back ({counted(len(self._back), 'time')} in all)"
             yield Note(f"{what}: live a session ended there, and here all is judged as one; cut the log", doubt=True)
