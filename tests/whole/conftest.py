@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from itertools import count
@@ -26,11 +26,13 @@ class Starts(Protocol):
     def __call__(self, **settings: str) -> Server: ...
 
 
-def copy_specs(target: Path) -> Path:
+def copy_specs(target: Path, only: Collection[str] | None = None) -> Path:
+    """Copy the tests' specs, or those of some ids, to a folder that is made for them."""
     target.mkdir()
-    for folder in SPECS:
-        for path in folder.glob("*.yaml"):
-            shutil.copy(path, target)
+    paths = [path for folder in SPECS for path in folder.glob("*.yaml") if only is None or path.stem in only]
+    assert only is None or {path.stem for path in paths} == set(only)
+    for path in paths:
+        shutil.copy(path, target)
     return target
 
 
