@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import select
 import signal
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import Any, NamedTuple
 
 import pytest
 
 from oracle_server.replay.many.row import COLUMNS
 from oracle_server.replay.many.tablefile import read_rows
-from tests.processes import PATIENCE, ROOT
+from tests.forking import STRICT
+from tests.processes import FORKS, PATIENCE, ROS_ONLY, environment
 from tests.replay.many.recordings import write_recordings, write_specs
 
 COUNT = 60
 ENDING = """
-import os, sys
-from oracle_server.cli import main
+import os
+os.setsid()
 from oracle_server.replay.many.journal import Journal
-after, signal = int(sys.argv.pop(1)), int(sys.argv.pop(1))
+after, signal = {after}, {ended_by}
 add = Journal.add
 def counted(self, rows):
     global after
@@ -31,19 +33,41 @@ def counted(self, rows):
         os.killpg(0, signal) if signal == 2 else os.kill(os.getpid(), signal)
     return add(self, rows)
 Journal.add = counted
-if __name__ == "__main__":
-    main()
 """
-"""The command, ended by a signal when it has so many results, as by a terminal's Ctrl-C, or by itself."""
+"""Has the command ended by a signal when it has so many results, as by a terminal's Ctrl-C, or by itself."""
 
 
-def replay(*words: object, after: int = 0, ended_by: int = 0) -> subprocess.CompletedProcess[str]:
-    """The command, with two processes."""
-    command = [sys.executable, "-c", ENDING, after, ended_by, "replay", *words, "-j", "2"]
-    return subprocess.run(
-        list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False,
-        start_new_session=True, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
+class Ended(NamedTuple):
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def replay(*words: object, after: int = 0, ended_by: int = 0) -> Ended:
+    """The command, with two processes; it and these have ended."""
+    arguments, setting = list(map(str, ("replay", *words, "-j", "2"))), environment(ROS_ONLY, **STRICT)
+    out, into = os.pipe()
+    with TemporaryFile("w+", encoding="utf-8") as error:
+        command = FORKS.fork(arguments, setting, into, error.fileno(), ENDING.format(after=after, ended_by=ended_by))
+        os.close(into)
+        try:
+            said = all_of(out)
+            status = command.wait(PATIENCE)
+        finally:
+            command.kill()
+            os.close(out)
+        error.seek(0)
+        return Ended(status, said, error.read())
+
+
+def all_of(pipe: int) -> str:
+    """What is written to a pipe, until nobody has it any more."""
+    parts = []
+    while select.select([pipe], [], [], PATIENCE)[0]:
+        parts.append(os.read(pipe, 65_536))
+        if not parts[-1]:
+            return b"".join(parts).decode()
+    raise AssertionError("a process has not ended")
 
 
 def told(path: Path) -> Any:
