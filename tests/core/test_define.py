@@ -22,7 +22,7 @@ from tests.core.sessions import A, Feed, open_session
 from tests.engines.test_against_brute import SEED
 from tests.strategies import free
 
-CASES = int(os.environ.get("CASES", "750"))
+CASES = int(os.environ.get("CASES", "400"))
 SPEC = """id: s
 define:
 %s

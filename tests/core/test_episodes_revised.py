@@ -6,7 +6,7 @@ import dataclasses
 import os
 import random
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -22,7 +22,7 @@ from tests.engines.test_against_brute import SEED
 from tests.episodes import Kept, Line, expected, told
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "200"))
+CASES = int(os.environ.get("CASES", "100"))
 BOUNDED = ("{a <= 1}", "historically ({b: 1} -> {a < 1})", "not {b > 0}", "{a} -> {b < a} or {c < 1}")
 DIFFERED = (3666412842, 3666412941)
 """Of these a deadline had another number after a restart, and an end was told twice."""
@@ -40,7 +40,11 @@ class Following(Run):
         super().take(rows)
 
 
-def standing(run: Run) -> list[list[Line]]:
+Ordered = Sequence[tuple[Judged, int]]
+"""The rows of a run in the order of publication, each with the present at it."""
+
+
+def standing(run: Run, rows: Ordered) -> list[list[Line]]:
     """The lines of each property as they stand, in the order of publication."""
     width = len(run.case.spec.properties)
     numbers: dict[tuple[str, int], tuple[int, bool]] = {}
@@ -53,7 +57,7 @@ def standing(run: Run) -> list[list[Line]]:
             ticks[row.step.stamp].append(n)
     lines: list[list[Line]] = [[] for _ in range(width)]
     latest = 0
-    for row, present in in_order(run):
+    for row, present in rows:
         event, latest = row.step.event, max(latest, present)
         n, attempt = numbers[event.monitor, event.seq] if event.monitor else (ticks[row.step.stamp].pop(0), False)
         for i, verdict in enumerate(row.verdicts):
@@ -62,10 +66,10 @@ def standing(run: Run) -> list[list[Line]]:
     return lines
 
 
-def followed(run: Run, lines: list[list[Line]]) -> list[list[Episode]]:
+def followed(run: Run, rows: Ordered, lines: list[list[Line]]) -> list[list[Episode]]:
     """The episodes of each property, as they are followed where every event comes in its place."""
     known, found = episodes.Following(), dict[tuple[int, int], Episode]()
-    for (row, present), *of_row in zip(in_order(run), *lines, strict=True):
+    for (row, present), *of_row in zip(rows, *lines, strict=True):
         verdicts = [replace(verdict, n=line.n) for verdict, line in zip(row.verdicts, of_row, strict=True)]
         known, changes = follow(known, run.case.spec.gap, present, verdicts, instant=of_row[0].instant)
         found |= {(change.index, change.episode.first): change.episode for change in changes}
@@ -92,8 +96,9 @@ def test_episodes_are_those_of_the_rows_as_they_stand(time: Time, restarts: floa
         run = Following(Case(spec, events), divided=rng.random() < 0.5, restarts=restarts)
         run.judge(rng)
         name = f"case {number}, {time}: " + "; ".join(p.text for p in spec.properties)
-        rows = standing(run)
-        for i, (lines, in_place) in enumerate(zip(rows, followed(run, rows), strict=True)):
+        rows = list(in_order(run))
+        of_each = standing(run, rows)
+        for i, (lines, in_place) in enumerate(zip(of_each, followed(run, rows, of_each), strict=True)):
             wanted = sorted(told(expected(lines, spec.gap)), key=lambda episode: (episode.began, episode.first))
             have = [replace(episode, final=False) for episode in told(run.kept.of(i))]
             assert have == wanted, name

@@ -22,7 +22,7 @@ from tests.core.test_revise import MS, event, session_of, told
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "750")) // 6
+CASES = int(os.environ.get("CASES", "400")) // 6
 
 
 class Makes(Protocol):

@@ -29,7 +29,7 @@ from tests.core.test_revise_restarts import marred
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "750"))
+CASES = int(os.environ.get("CASES", "400"))
 FOUND = (448, 2920)
 """Cases that earlier versions got wrong: steps without order between deadlines that changed nothing, or of one time."""
 

@@ -15,7 +15,7 @@ from tests.core.revising import Run, compared, reference
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "750")) // 5
+CASES = int(os.environ.get("CASES", "400")) // 5
 CASE = {"plain": revising.case, "derived": revising_derived.case}
 
 

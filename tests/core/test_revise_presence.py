@@ -22,7 +22,7 @@ from tests.core.test_revise import event
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "750")) // 3
+CASES = int(os.environ.get("CASES", "400")) // 3
 STREAMS = (StreamSpec("/a"), StreamSpec("/b"), StreamSpec("/h", hold=frozenset({"c"})))
 ORDERING = Ordering(max_delay=2 * SECOND, late="revise", horizon=60 * SECOND)
 

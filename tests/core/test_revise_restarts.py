@@ -21,7 +21,7 @@ from tests.core.test_revise import BOTH, MS, PAIRED, event, session_of
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "750"))
+CASES = int(os.environ.get("CASES", "400"))
 FOUND = 209894914
 """A case with wrong clocks of which a restart failed: a late step was put before what had been said to be final."""
 

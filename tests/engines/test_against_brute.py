@@ -35,8 +35,8 @@ MAKERS: dict[tuple[str, Time], Maker] = {
 """Makes a fresh engine for a formula, for each engine and each clock that it has."""
 
 SEED = 0 if os.environ.get("CI") else int(os.environ.get("TEST_SEED") or random.randrange(2**32))
-many = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-some = settings(many, max_examples=100)
+many = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+some = settings(many, max_examples=50)
 
 each_engine = pytest.mark.parametrize(
     ("maker", "time"), [(m, k[1]) for k, m in MAKERS.items()], ids=map("-".join, MAKERS)

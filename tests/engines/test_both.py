@@ -20,7 +20,7 @@ from tests.brute import truths
 from tests.engines.test_against_brute import SEED, holds, outcomes
 from tests.engines.test_native_random import case
 
-CASES = int(os.environ.get("CASES", "400"))
+CASES = int(os.environ.get("CASES", "200"))
 BLOCKS = 2
 """The cases are judged in so many tests, side by side: reelay takes 20 ms to make a monitor."""
 

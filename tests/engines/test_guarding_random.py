@@ -30,7 +30,7 @@ from tests.engines.test_obligations_random import compared, trace
 from tests.obligations import Item, Past
 from tests.strategies import START
 
-CASES = int(os.environ.get("CASES", "3000")) // 6
+CASES = int(os.environ.get("CASES", "1500")) // 6
 
 
 def goal(rng: random.Random, time: Time, depth: int, scope: tuple[str, ...]) -> Formula:

@@ -20,7 +20,7 @@ from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, holds, matches
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "200"))
+CASES = int(os.environ.get("CASES", "100"))
 
 
 def saved(engine: NativeEngine) -> str:

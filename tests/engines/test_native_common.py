@@ -22,7 +22,7 @@ from tests.engines.test_against_brute import SEED, compare, matches
 from tests.engines.test_native_joins import RACE
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "60"))
+CASES = int(os.environ.get("CASES", "40"))
 
 
 @pytest.fixture(params=[50_000, 3])

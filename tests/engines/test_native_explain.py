@@ -20,7 +20,7 @@ from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, matches
 from tests.strategies import SECOND, free
 
-CASES = int(os.environ.get("CASES", "200"))
+CASES = int(os.environ.get("CASES", "100"))
 
 
 def named(rng: random.Random, formula: Formula) -> Formula:

@@ -23,7 +23,7 @@ from tests.engines.test_obligations_random import formula as obligation
 from tests.obligations import Item
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "150"))
+CASES = int(os.environ.get("CASES", "80"))
 
 
 _BOUNDED = tree.Once, tree.Historically, tree.Since, tree.Eventually, tree.Always, tree.Until

@@ -16,7 +16,7 @@ from tests import generate
 from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, holds, matches
 
-CASES = int(os.environ.get("CASES", "200"))
+CASES = int(os.environ.get("CASES", "100"))
 
 
 @dataclass

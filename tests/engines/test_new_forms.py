@@ -24,7 +24,7 @@ from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, matches
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "750"))
+CASES = int(os.environ.get("CASES", "400"))
 ORDERS: dict[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,
     "<=": operator.le,

@@ -39,7 +39,7 @@ from tests.core.derived.expected import Expected
 from tests.engines.test_against_brute import SEED
 from tests.obligations import Item, decisions
 
-CASES = int(os.environ.get("CASES", "600"))
+CASES = int(os.environ.get("CASES", "320"))
 Told = dict[tuple[int, str], str]
 """What became of obligations: by the number of the step, from 0, and the values as text."""
 
