@@ -14,6 +14,7 @@ from oracle_server.core.plan import can_meet
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.units import counted, span
+from oracle_server.core.verdicts import Outcome
 from oracle_server.replay.asked import told
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
 from oracle_server.replay.recording import Note, part_of
@@ -80,7 +81,7 @@ def conclude(replay: Replay) -> Conclusion:
     for name, text in _unread(replay, notes):
         unjudged.setdefault(name, text)
     doubts = [note.text for note in notes if note.doubt and note.text not in unjudged.values()]
-    idle = [each for each in replay.asked.idle(coverage) if each.property.id not in {*unjudged, *replay.violated}]
+    idle = [each for each in replay.asked.idle(coverage) if each.property.id not in {*unjudged, *_ended(replay)}]
     strange = list(dict.fromkeys(replay.vocabulary.doubts(idle)))
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
     doubts += [text for _, text in strange]
@@ -108,6 +109,14 @@ def still_open(replay: Replay) -> list[str]:
         for name, state in replay.states().items()
         if state.get("pending")
     ]
+
+
+def _ended(replay: Replay) -> Iterator[str]:
+    """The properties that were violated, or of which not all was looked at: they were decided, or given up."""
+    yield from replay.violated
+    for name, state in replay.states().items():
+        if state["outcome"] != Outcome.CURRENTLY_TRUE.value:
+            yield name.removesuffix(" (arrival)")
 
 
 def _unread(replay: Replay, notes: Sequence[Note]) -> Iterator[tuple[str, str]]:

@@ -61,6 +61,7 @@ def spec_of(folder: Path, *properties: str) -> Path:
         ("not ({topic: /cmd} and not {topic: /mode} since {hit})", "{hit}"),
         ("not ({hit} and {speed > 0})", None),
         ("not {hit}", None),
+        ("{topic: /cmd} -> once {topic: /mode}", None),
         ("{hit} or {speed < 1} or not {topic: /cmd}", None),
         ("{topic: /cmd} -> {speed < 1}", None),
         ("not {hit} -> {speed < 1} or not {topic: /cmd}", None),
