@@ -18,8 +18,7 @@ and, where they are raised:
   `FutureError`, of what ROSMonitoring was configured with; `FretError`, of a file of FRET's or Ogma's; `HplError` and
   `NoCounterpartError`, of one in HPL, and of what a spec can't say of it; `DiagramError`, of a state diagram;
   `MachineError`, of a machine of a spec; `NotWrittenError`, of a spec that was imported and can't be written
-- `rostypes`: `TypesError`, definitions that can't be used; `DefinitionError`, one that can't be read, with its line;
-  `NestedTypeError`, a message with a field of a type that is not known
+- `rostypes`: `TypesError`, definitions that can't be used; `DefinitionError`, one that can't be read, with its line
 - `wire`: `WireError`, what is answered by an `error` frame
 - `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`; `WorkerError`, of a process beside the server
 - `history`: `FormatError` and `FencedError`, each a `HistoryError`: of a format that this version does not read, of a

@@ -14,7 +14,7 @@ from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, nearest
 from oracle_server.core.plan import can_meet, has_reserved, not_signals, reserved_of
 from oracle_server.core.readings import at, lacking
-from oracle_server.core.shapes import Many, Record, Shape, Value, fits
+from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value, fits
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.stamps import Stamp
 from oracle_server.core.typed import StreamTypes, TypedMessage
@@ -103,7 +103,7 @@ def _no_time(shape: Record, stamp: Stamp) -> str:
     if reason:
         return reason
     found = at(shape, path)
-    if isinstance(found, Value) and found.kind in ("whole", "real"):
+    if isinstance(found, Unknown) or (isinstance(found, Value) and found.kind in ("whole", "real")):
         return ""
     if isinstance(found, Record) and all(_is_whole(found.fields.get(name)) for name in _TIME_FIELDS):
         return f"`{field}` is a time, which has its unit; leave `unit` out" if stamp.unit else ""
@@ -149,6 +149,8 @@ def _unfit(shape: Shape, value: Any, path: tuple[str | int, ...]) -> Iterator[tu
                 yield path, f"`{name}` has {shape.length} items, not {len(value)}"
             for i, inner in enumerate(value):
                 yield from _unfit(shape.of, inner, (*path, i))
+        case Unknown():
+            return
         case Value() if fits(shape, value):
             return
         case _:
@@ -253,7 +255,7 @@ def _to_a_value(shape: Shape) -> str:
     while not isinstance(shape, Value):
         if isinstance(shape, Many):
             text, shape = f"{text}[0]", shape.of
-        elif shape.fields:
+        elif isinstance(shape, Record) and shape.fields:
             name, shape = next(iter(shape.fields.items()))
             text += f".{name}"
         else:

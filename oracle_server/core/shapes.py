@@ -38,7 +38,14 @@ class Record:
     fields: Mapping[str, Shape]
 
 
-Shape = Value | Many | Record
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A part of a message whose type, `name`, is not known here: anything may stand in it."""
+
+    name: str
+
+
+Shape = Value | Many | Record | Unknown
 
 _BYTE = (-128, 255)  # signed on ROS 1, unsigned on ROS 2
 WHOLE_NUMBERS: Mapping[str, tuple[int, int]] = {

@@ -20,6 +20,8 @@ class TypedMessage:
     shape: Record
     anywhere: Record | None = None
     everywhere: Record | None = None
+    unknown: tuple[str, ...] = ()
+    """The types within it that are not known."""
 
     @property
     def widest(self) -> Record:

@@ -7,7 +7,7 @@ from types import NoneType
 from typing import Any
 
 from oracle_server.core.expression import told
-from oracle_server.core.shapes import Many, Record, Shape, Value, fits, is_number
+from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value, fits, is_number
 
 TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
 """Types that logs also have as a number, or with the names of ROS 1."""
@@ -39,6 +39,8 @@ def quick(shape: Shape) -> Callable[[Any], bool]:
         case Record():
             fields = {name: quick(inner) for name, inner in shape.fields.items()}
             return lambda value: _quick_in_record(fields, value)
+        case Unknown():
+            return lambda _: True
 
 
 def _quick_in_record(fields: Mapping[str, Callable[[Any], bool]], value: Any) -> bool:
@@ -63,6 +65,8 @@ def misfit(shape: Shape, value: object, path: str = "") -> str:
     if value is None or (isinstance(shape, Record) and shape.name in TIMES and is_number(value)):
         return ""
     match shape:
+        case Unknown():
+            return ""
         case Record() if isinstance(value, Mapping):
             return _in_record(shape, value, path)
         case Many() if isinstance(value, list):

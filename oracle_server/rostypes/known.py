@@ -7,11 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from oracle_server.core.errors import OracleError
 from oracle_server.core.kinds import ACTION
 from oracle_server.core.nearest import nearest
 from oracle_server.core.ros import Ros
-from oracle_server.core.shapes import Many, Record, Shape, Value, ValueKind
+from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value, ValueKind
 from oracle_server.core.typed import Missing, TypedMessage
 from oracle_server.rostypes import standard
 from oracle_server.rostypes.definition import PRIMITIVES, Fields
@@ -31,10 +30,6 @@ _BELONGS = {
 """What people call the definitions of each kind, and the key of the streams that have them."""
 _Of = Literal["newest", "any", "every"]
 """Which fields: those of the newest definition, those that some definition has, or those that every one has alike."""
-
-
-class NestedTypeError(OracleError):
-    """A message has a field of a type that is not known."""
 
 
 class Types:
@@ -57,14 +52,13 @@ class Types:
         found = self._variants(name, ros)
         if not found:
             return self._missing(name)
-        try:
-            shape = self._record(name, ros, "newest")
-            everywhere = self._record(name, ros, "every")
-            # what a folder defines is what the robot has
-            anywhere = shape if name in self._own else self._record(name, ros, "any")
-        except NestedTypeError as error:
-            return Missing(f"{error}, so the fields of {_written(name)} are not checked; {_HOW}", "warning")
-        return TypedMessage(shape, None if anywhere == shape else anywhere, None if everywhere == shape else everywhere)
+        shape, everywhere = self._record(name, found, ros, "newest"), self._record(name, found, ros, "every")
+        # what a folder defines is what the robot has
+        anywhere = shape if name in self._own else self._record(name, found, ros, "any")
+        unknown = tuple(dict.fromkeys([*_unknown_in(shape), *_unknown_in(anywhere)]))
+        return TypedMessage(
+            shape, None if anywhere == shape else anywhere, None if everywhere == shape else everywhere, unknown
+        )
 
     def _variants(self, name: str, ros: Ros | None) -> list[Fields]:
         service = service_of(name) if ros != 1 else ""
@@ -79,26 +73,30 @@ class Types:
             known += standard.variants(_on_ros1(name), 1)
         return given + known if ros is None else known + given
 
-    def _record(self, name: str, ros: Ros | None, which: _Of, depth: int = 0) -> Record:
-        found = self._variants(name, ros)
-        if not found or depth > _DEEPEST:
-            raise NestedTypeError(f"the type {name} of a field is not known here")
+    def _nested(self, name: str, ros: Ros | None, which: _Of, around: tuple[str, ...]) -> Record | Unknown:
+        """A message within others, `around` it; one that stands in itself is none."""
+        found = self._variants(name, ros) if name not in around and len(around) <= _DEEPEST else []
+        return self._record(name, found, ros, which, around) if found else Unknown(name)
+
+    def _record(
+        self, name: str, found: Sequence[Fields], ros: Ros | None, which: _Of, around: tuple[str, ...] = ()
+    ) -> Record:
         fields: dict[str, str] = {}
         for variant in found if which == "any" else found[:1]:
             fields = {**variant, **fields}
         if which == "every":
             fields = {f: kind for f, kind in fields.items() if all(v.get(f) == kind for v in found)}
-        shapes = {field: self._shape(kind, ros, which, depth + 1) for field, kind in fields.items()}
+        shapes = {field: self._shape(kind, ros, which, (*around, name)) for field, kind in fields.items()}
         if name in _TIMES and (ros == 1 or (ros is None and which == "any")):
             shapes |= {"secs": Value("whole", "int32"), "nsecs": Value("whole", "int32")}
         return Record(_written(name), shapes)
 
-    def _shape(self, kind: str, ros: Ros | None, which: _Of, depth: int) -> Shape:
+    def _shape(self, kind: str, ros: Ros | None, which: _Of, around: tuple[str, ...]) -> Shape:
         of, is_list, size = kind.partition("[")
         if is_list and of in _BYTES and not (of == "byte" and ros == 1):
             return Value("bytes", kind, may_be_list=of == "byte" and ros is None)
         primitive = of in PRIMITIVES
-        single = Value(_KINDS.get(of, "whole"), of) if primitive else self._record(of, ros, which, depth)
+        single = Value(_KINDS.get(of, "whole"), of) if primitive else self._nested(of, ros, which, around)
         if not is_list:
             return single
         return Many(single, int(size[:-1]) if size[:-1] else None)
@@ -150,6 +148,22 @@ class Types:
             return self._missing(request)
         no_events = f"there is no {name} on ROS 1, where services tell nothing of their calls"
         return Missing(f"{no_events}; observe the service itself, by the key `service`", "error")
+
+
+def _unknown_in(shape: Shape) -> Iterator[str]:
+    match shape:
+        case Unknown(name):
+            yield name
+        case Many(of):
+            yield from _unknown_in(of)
+        case Record(_, fields):
+            for inner in fields.values():
+                yield from _unknown_in(inner)
+
+
+def unknown_within(name: str) -> str:
+    """What is said of a type of a field that is not known."""
+    return f"the type {name} of a field is not known here, so what stands in it is not checked; {_HOW}"
 
 
 _HOW = "give the folder of its package with --types, or source the workspace"

@@ -11,7 +11,7 @@ from oracle_server.core.ros import Ros
 from oracle_server.core.shapes import Record, Value
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import Missing, StreamTypes, TypedMessage
-from oracle_server.rostypes.known import Types
+from oracle_server.rostypes.known import Types, unknown_within
 
 _PARTS = {
     "request": "_Request", "response": "_Response", "goal": "_Goal", "result": "_Result", "feedback": "_Feedback"
@@ -32,6 +32,9 @@ def stream_types(spec: Spec, types: Types, ros: Ros | None) -> tuple[StreamTypes
         message = _message(stream, types, ros)
         if not isinstance(message, Missing):
             found[stream.key] = message
+            within = [name for name in message.unknown if name not in told]
+            problems += [SpecProblem(("streams", i, "type"), unknown_within(n), severity="warning") for n in within]
+            told |= {*within}
         missing = _whole(stream, types, ros) if stream.leads else None
         if isinstance(missing, Missing) and missing.package not in told:
             told |= {missing.package} - {""}

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from oracle_server.core.expression import check_shape, parse_expression
 from oracle_server.core.readings import at
 from oracle_server.core.shapes import Many, Record, Shape, Value
 from oracle_server.core.typed import Missing, TypedMessage
+from oracle_server.replay.misfit import misfit
 from oracle_server.rostypes.folders import TypesError
 from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.load import parse_spec
 from tests.rostypes.making import package
 
 STANDARD = Types(environment={})
@@ -205,13 +208,37 @@ def test_what_is_sourced_is_known(tmp_path: Path, variable: str) -> None:
         assert "can't be read" in found.message
 
 
-def test_a_message_with_a_field_of_an_unknown_type_is_not_checked(tmp_path: Path) -> None:
-    package(
-        tmp_path / "arm_msgs", {"msg/State.msg": "other_msgs/Thing thing\n", "msg/A.msg": "B b\n", "msg/B.msg": "A a\n"}
-    )
+def test_of_a_message_with_a_field_of_an_unknown_type_the_others_are_checked(tmp_path: Path) -> None:
+    state = "string group\nother_msgs/Thing thing\nother_msgs/Thing[] things\nother_msgs/Time at\n"
+    package(tmp_path / "arm_msgs", {"msg/State.msg": state, "msg/A.msg": "B b\nB c\n", "msg/B.msg": "A a\nA d\n"})
     types = Types([tmp_path], {})
-    assert "the type other_msgs/msg/Thing of a field is not known" in missing("arm_msgs/msg/State", types).message
-    assert missing("arm_msgs/msg/A", types).severity == "warning"
+    found = types.message("arm_msgs/msg/State")
+    assert isinstance(found, TypedMessage)
+    assert found.unknown == ("other_msgs/msg/Thing", "other_msgs/msg/Time")
+    looping = types.message("arm_msgs/msg/A")
+    assert isinstance(looping, TypedMessage)
+    assert looping.unknown == ("arm_msgs/msg/A",)
+    for right in ("msg.thing.x.y == 1", "msg.things.exists(t, t.name == 'a')", "msg.things[0].x", "msg.group == 'arm'"):
+        assert not check_shape(parse_expression(right), found.shape), right
+    data: tuple[dict[str, object], ...] = ({"thing": 1}, {"things": [{"a": 1}]}, {"thing": {"b": []}})
+    assert not any(misfit(found.shape, each) for each in data)
+    for wrong in ("msg.group_name == 'arm'", "msg.group == 1", "msg.things == 1"):
+        assert check_shape(parse_expression(wrong), found.shape), wrong
+
+
+def test_what_is_not_known_within_messages_is_said_once(tmp_path: Path) -> None:
+    package(tmp_path / "arm_msgs", {"msg/State.msg": "string group\nother_msgs/Thing thing\n"})
+    spec = """
+id: s
+streams:
+  - {topic: /a, type: arm_msgs/msg/State, stamp: thing.time, signals: {g: msg.group}}
+  - {topic: /b, type: arm_msgs/msg/State, signals: {h: msg.thing.h}}
+properties: [{id: p, formula: '{g: arm} or {h: 1}'}]
+"""
+    (found,) = parse_spec(spec, "s", types=Types([tmp_path], {})).warnings
+    assert "the type other_msgs/msg/Thing of a field is not known here, so what stands in it is not checked" in str(
+        found
+    )
 
 
 def test_the_events_of_a_service_are_known_by_its_definition(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.readings import at
 from oracle_server.core.ros import Ros
-from oracle_server.core.shapes import Many, Record, Shape, Value
+from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value
 from oracle_server.core.typed import TypedMessage
 from oracle_server.rostypes import standard
 from oracle_server.rostypes.known import Types
@@ -37,6 +37,8 @@ def _leaves(shape: Shape) -> list[Value]:
             return [shape]
         case Many():
             return _leaves(shape.of)
+        case Unknown():
+            raise AssertionError(shape)
         case Record():
             assert all(at(shape, (name,)) == inner for name, inner in shape.fields.items())
             return [leaf for inner in shape.fields.values() for leaf in _leaves(inner)]

@@ -28,6 +28,7 @@ from oracle_server.core.expression.static import (
     no_field,
     not_single,
     result_of,
+    static_of,
     written,
 )
 from oracle_server.core.expression.tokens import comments, place
@@ -155,7 +156,7 @@ class _Checker:
                 self._warn(at, hint)
 
     def _path(self, node: tree.Path) -> Static:
-        static: Static = self._shape
+        static: Static = static_of(self._shape)
         for i, (name, at) in enumerate(zip(node.names, node.places, strict=True)):
             static = self._member(static, name, at, ".".join(("msg", *node.names[:i])))
         return static
@@ -166,7 +167,7 @@ class _Checker:
                 if name in fields:
                     found = fields[name]
                     if not (isinstance(found, Value) and found.may_be_list):
-                        return found
+                        return static_of(found)
                     both = "is a list of signed numbers on ROS 1, and a text in base64 on ROS 2"
                     self._warn(at, f"`{text}.{name}` {both}; `check --ros` tells whether it is read as it is there")
                     return None

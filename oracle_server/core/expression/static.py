@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from oracle_server.core.expression.slips import no_constant
 from oracle_server.core.nearest import nearest
-from oracle_server.core.shapes import Many, Record, Value, ValueKind
+from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value, ValueKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,11 @@ _FIELDS = 12
 """Most fields that a message names."""
 
 
+def static_of(shape: Shape | None) -> Static:
+    """What is known of a value in a message, or of a message, by its shape."""
+    return None if isinstance(shape, Unknown) else shape
+
+
 def kind(static: Static) -> ValueKind | None:
     """The kind of a single value, None where it is not known or no single value."""
     return static.kind if isinstance(static, Value) else None
@@ -57,7 +62,9 @@ def is_text(static: Static) -> bool:
 
 def element(static: Static) -> Static:
     """What is known of the elements of a list."""
-    return static.of if isinstance(static, Many | Elements) else None
+    if isinstance(static, Many):
+        return static_of(static.of)
+    return static.of if isinstance(static, Elements) else None
 
 
 def common(one: Static, other: Static) -> Static:
@@ -83,14 +90,14 @@ def result_of(mark: str, one: Static, other: Static) -> Static:
     return None
 
 
-def described(static: Static) -> str:
+def described(static: Static | Unknown) -> str:
     """A known value in words, as `float64` or `a list of geometry_msgs/msg/Point`."""
     match static:
         case Value(kind=what, type=type_):
             return type_ if type_ and what != "bytes" else _WORDS[what]
         case Many(of=of) | Elements(of=of):
             return f"a list of {described(of)}" if of is not None else "a list"
-        case Record(name=name):
+        case Record(name=name) | Unknown(name=name):
             return name or "a message"
         case _:
             return "not known"

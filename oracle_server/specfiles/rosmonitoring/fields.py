@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from oracle_server.core.shapes import Many, Record, Shape, Value
+from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value
 from oracle_server.specfiles.rosmonitoring import values
 from oracle_server.specfiles.rosmonitoring.cel import field, has
 from oracle_server.specfiles.rosmonitoring.values import Const, Field, Key, Leaf, Raises, Term, UntranslatableError
@@ -19,6 +19,8 @@ def at(path: tuple[Key, ...], shape: Shape | None, widest: Shape | None = None) 
             return Term(field(path), "number", tight=True, whole=None)
         case Value(kind="text"):
             return Term(field(path), "text", tight=True)
+        case Unknown():
+            return Field(path)
     return Field(path, shape, widest or shape)
 
 
