@@ -27,7 +27,7 @@ from tests.core.revising import A, B, Run, U, case, compared, reference
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "400"))
+CASES = int(os.environ.get("CASES", "750"))
 FOUND = (1145, 2244, 2971, 26876)
 """Cases that earlier versions got wrong: restarts, steps without order, and passes that deadlines waited for."""
 MS = SECOND // 1000

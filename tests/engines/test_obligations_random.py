@@ -34,7 +34,7 @@ from tests.engines.test_native_back import saved
 from tests.obligations import Item, Past, decisions
 from tests.strategies import SECOND
 
-CASES = int(os.environ.get("CASES", "1500"))
+CASES = int(os.environ.get("CASES", "3000"))
 _VALUES = {0: "false", 1: "true", 2: "lost"}
 
 

@@ -33,9 +33,9 @@ from tests.core.derived.cases import (
 )
 from tests.core.derived.expected import Expected
 
-CASES = {"plain": 700}
-"""Of derived signals, a clock; with `FEWER` of each other way they are 1,300."""
-FEWER = 150
+CASES = {"plain": 1_600}
+"""Of derived signals, a clock; with `FEWER` of each other way they are 3,000."""
+FEWER = 350
 OF_MACHINES = 75
 """Of machines by several signals, a clock and way."""
 Make = Callable[..., Case]
