@@ -25,7 +25,7 @@ from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from tests.whole.conftest import copy_specs
 
-SPECS = ("brief", "explained", "lamp", "other", "pair", "single", "slow")
+SPECS = ("brief", "explained", "lamp", "other", "pair", "single", "slow", "texts")
 """What is asked for here; to read all takes as long as all else that a test does."""
 
 
