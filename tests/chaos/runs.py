@@ -121,20 +121,25 @@ async def stream_through(
 ) -> list[Link]:
     """Send the trace until all is settled; strike whenever what monitors were told comes to one of the points.
 
-    `skips`: events may be skipped for want of space. `moves`: servers may take over from each other.
+    `skips`: events may be skipped for want of space. `moves`: servers may take over from each other. Where a layout's
+    monitors are not waited for, the last of them begins once a third of all was told: so what it has comes late.
     """
-    left, seen, gate = list(points), 0, asyncio.Event()
+    left, seen, gate, behind = list(points), 0, asyncio.Event(), asyncio.Event()
 
     def moved(count: int) -> None:
         nonlocal seen
         seen += count
+        if seen >= len(trace) // 3:
+            behind.set()
         if left and seen >= left[0] and served.up.is_set():
             del left[0]
             strike(links)
 
+    gates = dict.fromkeys(layout.monitors, gate) | ({} if layout.waits else {[*layout.monitors][-1]: behind})
     links = [
         Link(
-            *(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, chance, gate, moved),
+            *(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, chance),
+            *(gates[monitor], moved),
             waited_for=layout.waits,
             skips=skips,
             moves=moves,
