@@ -26,7 +26,7 @@ from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property, orders
 from oracle_server.core.tally import StreamCounts
 from oracle_server.core.telling import values_beyond
-from oracle_server.core.verdicts import FINAL, Judged, Outcome, Verdict
+from oracle_server.core.verdicts import FINAL, NEGATIVE, Judged, Outcome, Verdict
 from oracle_server.core.weakly import weakly
 
 Seen = tuple[Signals, frozenset[str]]
@@ -341,7 +341,7 @@ class Judge(Blaming):
                 why = self._explain(state, signals, failed, self.present)
             passed_by = state.bypassed and not is_degraded
             degraded = is_degraded or passed_by
-            found = values_beyond(state, outcome, signals) if view.observed else ()
+            found = values_beyond(state, signals) if outcome in NEGATIVE and view.observed else ()
             verdicts.append(Verdict(
                 n, state.property.id, outcome, degraded, why, robustness, passed_by, state.pending, found
             ))  # fmt: skip

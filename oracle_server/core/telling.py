@@ -25,6 +25,7 @@ from oracle_server.core.tally import StreamCounts
 from oracle_server.core.verdicts import NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 Values = tuple[Beyond, ...]
+NOTHING: Values = ()
 
 
 class Telling:
@@ -88,14 +89,15 @@ class Telling:
     def _verdict(
         self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], failed: Names, time: int
     ) -> Verdict:
-        n, why = next(self._numbers), None
+        n, why, found = next(self._numbers), None, NOTHING
         if state.remember(n, outcome) or state.asked:
             state.note_first(n, None, time)
             why = self._explain(state, signals, failed, time, judged=False)
-        return self._plain(state, n, outcome, why, values_beyond(state, outcome, signals) if why is not None else ())
+            found = values_beyond(state, signals) if outcome in NEGATIVE else NOTHING
+        return self._plain(state, n, outcome, why, found)
 
     def _plain(
-        self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None, found: Values = ()
+        self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None, found: Values = NOTHING
     ) -> Verdict:
         is_degraded = self._degraded or state.failures > 0 or state.renewed
         bypassed = state.bypassed and not is_degraded
@@ -155,6 +157,6 @@ class Telling:
         self._explained += effort
 
 
-def values_beyond(state: PropertyState, outcome: Outcome, signals: Signals) -> Values:
-    """The values of the present step by which a property is negative."""
-    return (state.look(signals) or ()) if state.look is not None and outcome in NEGATIVE else ()
+def values_beyond(state: PropertyState, signals: Signals) -> Values:
+    """The values of the present step by which a property is negative, as it is known to be."""
+    return NOTHING if state.look is None else state.look(signals) or NOTHING
