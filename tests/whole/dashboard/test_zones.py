@@ -30,5 +30,6 @@ async def test_times_are_told_with_their_zone(server: Server, session: str, page
             await monitor.send(make_event(seq, data={"v": 1}) | {"stamp": at * 10**9})
         await monitor.acked(2)
         await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".time .shown")).to_contain_text("UTC")  # it knows how far the session reaches
         await page.locator(".time").get_by_role("button", name="All", exact=True).click()
         await expect(page.locator(".time .shown")).to_have_text(re.compile(shown))
