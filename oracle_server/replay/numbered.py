@@ -29,8 +29,10 @@ class Numbers:
 
     _last: dict[str, int] = field(default_factory=dict)
     _gaps: dict[str, list[_Gap]] = field(default_factory=dict)
-    _anew: list[tuple[str, str]] = field(default_factory=list)
-    """Where numbers begin anew, and whose."""
+    _anew: tuple[str, str] | None = None
+    """Where numbers first begin anew, and whose."""
+    _times: int = 0
+    """How often they do."""
     _judged: bool = False
     """Whether the lines are a session's trace, which has those that it took."""
 
@@ -43,7 +45,7 @@ class Numbers:
         if last is not None and now < last and self._fills(line.monitor, now):
             return
         if last is not None and now < last:
-            self._anew.append((place, line.monitor))
+            self._anew, self._times = self._anew or (place, line.monitor), self._times + 1
         elif last is not None and now - last - 1 > line.lost:
             gaps = self._gaps.setdefault(line.monitor, [])
             if len(gaps) < _MOST:
@@ -66,7 +68,7 @@ class Numbers:
                 first, total = missing[0], sum(gap.left for gap in missing)
                 what = f"{first.place}: {counted(first.left, 'event')} of '{monitor}' missing before it"
                 yield Note(f"{what}, by the numbers of the lines (`seq`); {total} in all", doubt=True)
-        if self._anew:
-            place, monitor = self._anew[0]
-            what = f"{place}: the numbers (`seq`) of '{monitor}' begin anew ({counted(len(self._anew), 'time')} in all)"
+        if self._anew is not None:
+            place, monitor = self._anew
+            what = f"{place}: the numbers (`seq`) of '{monitor}' begin anew ({counted(self._times, 'time')} in all)"
             yield Note(f"{what}, as where its adapter was started again: what came in between is not in the log")
