@@ -117,11 +117,14 @@ class Rowed:
         self._whole = told
 
     def finish(self) -> None:
-        """Tell the rows that there are, and the episodes that end with the session. Raises as `flush`."""
+        """Tell the rows that there are, and the episodes that end with the session. Raises as `flush`.
+
+        Where a row could not be told, what was judged of it is not what the session ends with.
+        """
         self.flush()
         session = self._replay.session
         ended = [] if session is None else going_on(session.judges, self._names, closed=True)
-        if ended:
+        if ended and self._whole:
             self._tell(Rows([], [], ended))
 
     def last(self) -> Document | None:

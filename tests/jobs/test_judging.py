@@ -74,6 +74,16 @@ def test_what_is_violated_to_the_end_is_an_episode_up_to_there(more: list[str], 
     assert not last.open
 
 
+def test_no_episode_is_told_of_a_row_that_is_not(tmp_path: Path) -> None:
+    """The row that is larger than the server takes violates: an episode of it would begin where there is nothing."""
+    told = frames(tmp_path, [*(line(i, 1) for i in range(1, 20)), line(20, "x" * 2**21)], "ordering: {by: arrival}")
+    rows = [frame for frame in told if isinstance(frame, Rows)]
+    assert sum(len(frame.steps) for frame in rows) == 19
+    assert [each for frame in rows for each in frame.episodes] == []
+    assert isinstance(told[-1], Failed)
+    assert "the server keeps 1048576 of one" in told[-1].error
+
+
 def test_what_was_judged_is_told_where_a_stream_can_not_be_used(tmp_path: Path) -> None:
     path, told = tmp_path / "log.jsonl", list[Any]()
     lines = [line(i, 99 if i == 20 else 1) for i in range(1, 30)]
