@@ -9,11 +9,10 @@ import pytest
 
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
-from oracle_server.process.clock import Clock
 from oracle_server.review.explanation import explained
 from oracle_server.wire.incoming import EventMessage
 from tests.processes import PATIENCE
-from tests.sessions.making import Kept, attach, registry
+from tests.sessions.making import Kept, Standing, attach, registry
 
 SPEC = """
 id: spec
@@ -41,12 +40,13 @@ async def ticks(history: MemoryHistory, count: int) -> list[StoredStep]:
 
 @pytest.mark.parametrize("late", ["judge", "revise"])
 async def test_what_no_deadline_of_its_own_changed_is_explained_by_the_last_step(tmp_path: Path, late: str) -> None:
-    history = MemoryHistory()
-    sessions = registry(history, tmp_path / "specs", SPEC.replace("LATE", late), clock=Clock())
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path / "specs", SPEC.replace("LATE", late), clock=clock)
     live, monitor = await sessions.attach(attach("s", "spec"), Kept())
     live.ingest(monitor, EventMessage(seq=1, stream="/a", data={"v": 0}))
     live.ingest(monitor, EventMessage(seq=2, stream="/b", data={}))
     live.ingest(monitor, EventMessage(seq=3, stream="/a", data={"v": 9}))
+    clock.time += 10**9  # not before: a machine that stands still would have the deadline come first
     *_, tick = await ticks(history, 1)
     assert [*tick.outcomes] == ["currently_true"] * WIDTH
     texts = []

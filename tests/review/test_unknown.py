@@ -10,12 +10,11 @@ import pytest
 
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
-from oracle_server.process.clock import Clock
 from oracle_server.review.again import NoExplanationError
 from oracle_server.review.explanation import explained
 from oracle_server.wire.incoming import EventMessage
 from tests.processes import PATIENCE
-from tests.sessions.making import Kept, attach, registry
+from tests.sessions.making import Kept, Standing, attach, registry
 
 SPEC = """
 id: spec
@@ -43,12 +42,13 @@ WIDTH = 4
 
 async def rows_of(folder: Path, late: str, *sent: EventMessage) -> tuple[MemoryHistory, list[StoredStep]]:
     """What a session kept of these events, up to the deadline at which the grace of `here` is over."""
-    history = MemoryHistory()
+    history, clock = MemoryHistory(), Standing()
     text = SPEC.replace("LATE", late).replace("streams:", "streams:\n  - topic: /b", 1)
-    sessions = registry(history, folder / "specs", text, clock=Clock())
+    sessions = registry(history, folder / "specs", text, clock=clock)
     live, monitor = await sessions.attach(attach("s", "spec"), Kept())
     for message in sent:
         live.ingest(monitor, message)
+    clock.time += 10**9  # not before: a machine that stands still would have the deadline come first
     async with asyncio.timeout(PATIENCE):
         while True:
             rows = [row async for page in history.steps(1, 0) for row in page]
