@@ -272,14 +272,14 @@ def test_rows_may_take_longer_than_an_answer_may(postgres: Postgres) -> None:
     """It is silence that ends a connection: else what piled up in an outage would be begun again and again."""
     url = postgres.empty()
     postgres.do("CREATE TABLE many (x int)", url)
-    one = connection.Connection(url, "test", patience=0.4)
+    one = connection.Connection(url, "test", patience=2)
 
     def slow() -> Iterator[int]:
-        time.sleep(0.05)  # as a slow network does
+        time.sleep(0.1)  # as a slow network does
         yield 1
 
-    one.insert("many", [slow() for _ in range(30)], ["x"])  # type: ignore[misc]
-    assert one.execute("SELECT count(*) FROM many").fetchone() == (30,)
+    one.insert("many", [slow() for _ in range(25)], ["x"])  # type: ignore[misc]
+    assert one.execute("SELECT count(*) FROM many").fetchone() == (25,)
     one.close()
 
 
