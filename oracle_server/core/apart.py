@@ -9,12 +9,15 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import TRUE, And, Atom, Formula, Implies, Or, atoms, children
 from oracle_server.core.plan import can_meet
 from oracle_server.core.spec import Property, Spec, StreamSpec
+from oracle_server.core.units import counted
 from oracle_server.core.withholding import present
 
 Monitors = Mapping[StreamKey, Set[str]]
 """The monitors of each stream."""
 _MOST = 100_000
 """Up to so many pairs of atoms of a formula, at all streams and of as many properties, what decides it is looked at."""
+_FEW = 3
+"""Monitors that are told by their names, where there are many."""
 
 
 class Unseen(NamedTuple):
@@ -127,4 +130,7 @@ def _open(formula: Formula, known: Callable[[Atom], bool | None]) -> Iterator[Fo
 
 
 def _listed(monitors: Set[str]) -> str:
-    return " and ".join(sorted(monitors))
+    names = sorted(monitors)
+    if len(names) > _FEW + 1:
+        return f"{', '.join(names[:_FEW])} and {counted(len(names) - _FEW, 'other monitor')}"
+    return " and ".join(names)

@@ -25,7 +25,10 @@ class Bypasses:
 
     def update(self, monitor: str, streams: Mapping[StreamKey, Bypass]) -> None:
         """Take the bypassed streams of a monitor, in place of those before."""
-        self._known[monitor] = dict(streams)
+        if streams:
+            self._known[monitor] = dict(streams)
+        else:
+            self._known.pop(monitor, None)
 
     @property
     def properties(self) -> frozenset[int]:

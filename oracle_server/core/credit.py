@@ -25,6 +25,10 @@ class Credit:
         self.left: dict[str, int] = {}
         """How many more events each monitor may send; below zero where it sent more."""
         self._wanting: set[str] = set()
+        self._barred: set[str] = set()
+        """Those of them that were ahead of the order when they were last looked at."""
+        self._seen = 0
+        """The order's changes up to then."""
 
     @property
     def share(self) -> int:
@@ -34,13 +38,13 @@ class Credit:
     def open(self, monitor: str) -> int:
         """Reset a monitor; returns how many events it may send at first."""
         self.left[monitor] = self._first
-        self._wanting.discard(monitor)
+        self._forget(monitor)
         return self._first
 
     def close(self, monitor: str) -> None:
         """Remove a monitor."""
         self.left.pop(monitor, None)
-        self._wanting.discard(monitor)
+        self._forget(monitor)
 
     def spend(self, monitor: str) -> None:
         """Count an event that a monitor has sent."""
@@ -52,12 +56,29 @@ class Credit:
 
     def grant(self, buffer: ReorderBuffer[Any]) -> list[tuple[str, int]]:
         """How many events more each monitor may send now; those that get none are left out."""
-        if not self._wanting:
+        if not self._wanting and not self._barred:
             return []
-        barred = buffer.ahead if len(buffer) > self._high else frozenset()
-        able = sorted(self._wanting - barred)
-        self._wanting -= set(able)
-        return [(monitor, self._fill(monitor)) for monitor in able]
+        if len(buffer) <= self._high:
+            able = self._wanting | self._barred
+            self._barred.clear()
+        else:
+            able = self._able(buffer)
+        self._wanting.clear()
+        return [(monitor, self._fill(monitor)) for monitor in sorted(able)]
+
+    def _able(self, buffer: ReorderBuffer[Any]) -> set[str]:
+        """Those that want more and are not ahead; who was ahead is looked at again only where that may have changed."""
+        wanting = self._wanting
+        if self._barred and self._seen != buffer.changes:
+            wanting = wanting | (self._barred & buffer.behind)
+        self._seen = buffer.changes
+        able = {monitor for monitor in wanting if not buffer.is_ahead(monitor)}
+        self._barred = (self._barred - able) | (wanting - able) if able else self._barred | wanting
+        return able
+
+    def _forget(self, monitor: str) -> None:
+        self._wanting.discard(monitor)
+        self._barred.discard(monitor)
 
     def _fill(self, monitor: str) -> int:
         more = max(1, self.share - self.left[monitor])

@@ -18,7 +18,7 @@ class MonitorClocks:
     def __init__(self, streams: Mapping[StreamKey, StreamSpec], max_skew: int) -> None:
         """`streams` are those that clocks may tell of; times of different monitors may differ by `max_skew` (ns)."""
         self._streams, self._max_skew = streams, max_skew
-        self._told: dict[tuple[str, StreamKey], int] = {}
+        self._told: dict[str, dict[StreamKey, int]] = {}
         self._telling: set[str] = set()
         self._ahead: dict[str, int] = {}
 
@@ -30,8 +30,7 @@ class MonitorClocks:
         if readings:
             self._telling.add(monitor)
             self._ahead[monitor] = self._newest(readings) - now
-        for reading, stamp in zip(readings, believed, strict=True):
-            self._told[monitor, reading.stream] = stamp
+            self._told.setdefault(monitor, {}).update((r.stream, at) for r, at in zip(readings, believed, strict=True))
 
     def is_back(self, monitor: str, readings: Sequence[ClockReading], present: int | None, *, wall: bool) -> bool:
         """Whether a monitor tells an earlier time of a stream than before; a `wall` clock is set right all the time.
@@ -39,7 +38,8 @@ class MonitorClocks:
         So it is, too, where no monitor is there that has told the time, and the first one is behind the `present` (ns).
         """
         allowed = self._allowed if wall else 0
-        if any(r.stamp < self._told.get((monitor, r.stream), 0) - allowed for r in readings):
+        told = self._told.get(monitor, {})
+        if any(r.stamp < told.get(r.stream, 0) - allowed for r in readings):
             return True
         if self._telling or present is None or not readings:
             return False
@@ -58,7 +58,7 @@ class MonitorClocks:
         """
         self._telling.add(monitor)
         if wall:
-            self._told = {key: stamp for key, stamp in self._told.items() if key[0] != monitor}
+            self._told.pop(monitor, None)
 
     def leave(self, monitor: str) -> None:
         """Note that a monitor is not there any more."""

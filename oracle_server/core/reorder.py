@@ -11,14 +11,14 @@ from __future__ import annotations
 import heapq
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from typing import Generic, TypeVar
 
 import msgspec
 
 from oracle_server.core.events import Released as Why
 from oracle_server.core.events import Source, StreamKey
+from oracle_server.core.frontiers import Frontiers
 from oracle_server.core.waits import MOST_TOLD, Waits
 
 T = TypeVar("T")
@@ -38,57 +38,6 @@ class Released(msgspec.Struct, Generic[T], frozen=True, gc=False):
         return self.why == "capacity"
 
 
-MAX_PUBLISHERS = 1_000
-"""The most publishers of one stream that are told apart; beyond, the one that is furthest behind is not waited for."""
-
-
-@dataclass(slots=True)
-class _Frontier:
-    """What is known of one stream of one monitor: its clock and the newest stamp of each of its publishers.
-
-    `least` is a heap with an entry for each publisher, whose stamp is its newest one or an older one: only the first
-    entry has to be true, and `observe` leaves it so where there are several.
-    """
-
-    clock: int | None = None
-    publishers: dict[str, int] = field(default_factory=dict)
-    least: list[tuple[int, str]] = field(default_factory=list)
-    forgotten: int = 0
-    reached: int | None = None
-    """The time before which nothing can come from here any more; None while nothing is known."""
-
-    def observe(self, publisher: str, stamp: int) -> None:
-        """Record a publisher's newest stamp."""
-        if publisher not in self.publishers:
-            if len(self.publishers) == MAX_PUBLISHERS:
-                self.forget()
-            heapq.heappush(self.least, (stamp, publisher))
-        self.publishers[publisher] = stamp
-        least = stamp if len(self.publishers) == 1 else self._first()
-        self.reached = least if self.clock is None or least > self.clock else self.clock
-
-    def forget(self) -> None:
-        """Wait no more for the publisher that is furthest behind; it is a new one where it speaks again."""
-        del self.publishers[heapq.heappop(self.least)[1]]
-        self.forgotten += 1
-
-    def advance(self, clock: int) -> None:
-        """Record a newer clock."""
-        self.clock = clock
-        if self.reached is None or clock > self.reached:
-            self.reached = clock
-
-    def is_told(self, stamp: int) -> bool:
-        """Where nothing older than a stamp will come: whether a clock alone tells so, and not what came."""
-        return not self.publishers or self._first() < stamp
-
-    def _first(self) -> int:
-        """The least of the newest stamps."""
-        while (newest := self.publishers[self.least[0][1]]) != self.least[0][0]:
-            heapq.heapreplace(self.least, (newest, self.least[0][1]))
-        return self.least[0][0]
-
-
 class ReorderBuffer(Generic[T]):
     """Holds items until their turn. All times are integer nanoseconds; every method returns what it releases."""
 
@@ -96,9 +45,7 @@ class ReorderBuffer(Generic[T]):
         """Hold items for `max_delay` at most, None for as long as it takes, and `capacity` items at most."""
         self._max_delay = max_delay
         self._capacity = capacity
-        self._frontiers: dict[Source, _Frontier] = {}
-        self._slowest: Source | None = None
-        self._limit: int | None = None
+        self._frontiers = Frontiers()
         self._heap: list[tuple[int, int]] = []
         self._held: dict[int, T] = {}
         self._deadlines: deque[tuple[int, int, int]] = deque()
@@ -117,12 +64,12 @@ class ReorderBuffer(Generic[T]):
     @property
     def awaited(self) -> Source | None:
         """The open stream that the order waits for, None where it waits for none."""
-        return self._slowest if self._held and self.due is None else None
+        return self._frontiers.slowest if self._held and self.due is None else None
 
     @property
     def limit(self) -> int | None:
         """The time before which no open stream has any more events; None while that is not known, or none is open."""
-        return self._limit
+        return self._frontiers.limit
 
     @property
     def due(self) -> int | None:
@@ -130,7 +77,8 @@ class ReorderBuffer(Generic[T]):
         if not self._heap:
             return None
         first = self._heap[0]
-        reached = not self._frontiers or (self._limit is not None and first[0] <= self._limit)
+        limit = self._frontiers.limit
+        reached = first[0] <= limit if limit is not None else not self._frontiers
         return first[0] if reached or first <= self._expired else None
 
     @property
@@ -148,26 +96,35 @@ class ReorderBuffer(Generic[T]):
     @property
     def frontiers(self) -> dict[Source, int | None]:
         """Each open stream's frontier, None before its first event or clock."""
-        return {source: frontier.reached for source, frontier in self._frontiers.items()}
+        return {frontier.source: frontier.reached for frontier in self._frontiers}
 
     @property
     def publishers(self) -> dict[Source, tuple[int, int]]:
         """How many publishers of each open stream are told apart, and how often one was forgotten for another."""
-        return {source: (len(known.publishers), known.forgotten) for source, known in self._frontiers.items()}
+        return {known.source: (len(known.publishers), known.forgotten) for known in self._frontiers}
 
     @property
     def heard(self) -> dict[StreamKey, list[tuple[str, Iterable[str]]]]:
         """The monitors that have a stream open, each with the publishers that it has heard; not to be kept."""
         found: dict[StreamKey, list[tuple[str, Iterable[str]]]] = {}
-        for (monitor, stream), known in self._frontiers.items():
+        for known in self._frontiers:
+            monitor, stream = known.source
             found.setdefault(stream, []).append((monitor, known.publishers))
         return found
 
+    def is_ahead(self, monitor: str) -> bool:
+        """Whether the order waits for none of a monitor's streams: all are beyond the least frontier."""
+        return not self._frontiers.is_at_limit(monitor)
+
     @property
-    def ahead(self) -> frozenset[str]:
-        """The monitors for none of whose streams the order waits: all are beyond the least frontier."""
-        behind = {m for (m, _), reached in self.frontiers.items() if reached == self._limit}
-        return frozenset(monitor for monitor, _ in self._frontiers) - behind
+    def changes(self) -> int:
+        """Grows whenever a monitor that was ahead may not be so any more."""
+        return self._frontiers.changes
+
+    @property
+    def behind(self) -> set[str]:
+        """The monitors that are not ahead, of those that have an open stream."""
+        return self._frontiers.at_limit()
 
     @property
     def held(self) -> Iterable[T]:
@@ -176,12 +133,12 @@ class ReorderBuffer(Generic[T]):
 
     def open(self, monitor: str, streams: Iterable[StreamKey]) -> list[Released[T]]:
         """Wait for these streams of a monitor from now on, and for no others of it."""
-        wanted = {(monitor, stream) for stream in streams}
-        left = [source for source in self._frontiers if source[0] == monitor and source not in wanted]
-        behind = [(source, self._frontiers.pop(source).reached) for source in left]
+        wanted = dict.fromkeys((monitor, stream) for stream in streams)
+        left = [source for source in self._frontiers.of(monitor) if source not in wanted]
+        behind = [(source, self._frontiers.close(source)) for source in left]
         for source in wanted:
-            self._frontiers.setdefault(source, _Frontier())
-        self._find_slowest()
+            self._frontiers.open(source)
+        self._frontiers.find()
         self._waits.over(behind, self._reach, self._arrivals, held=bool(self._heap))
         return self._release()
 
@@ -194,15 +151,15 @@ class ReorderBuffer(Generic[T]):
         frontier = self._frontiers.get(source)
         opened = frontier is not None
         if frontier is None:
-            frontier = self._frontiers[source] = _Frontier()
+            frontier = self._frontiers.open(source)
         known = frontier.publishers.get(publisher)
         if known is None or stamp > known:
             before = frontier.reached if opened else stamp  # nothing has waited for one that was not open
-            frontier.observe(publisher, stamp)
+            self._frontiers.observe(frontier, publisher, stamp)
             self._moved(source, before, new=known is None)
         if self.present is not None and stamp < self.present:
             return [Released(item, self._why(stamp), late=True), *self._release()]
-        if not self._heap and self._limit is not None and stamp <= self._limit:
+        if not self._heap and (limit := self._frontiers.limit) is not None and stamp <= limit:
             self.present = stamp
             return [Released(item, self._why(stamp))]
         self._arrivals += 1
@@ -217,11 +174,11 @@ class ReorderBuffer(Generic[T]):
 
     def put_back(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
         """Take an item that was held before; of a stream that is not open any more nothing else is waited for."""
-        opened = source in self._frontiers
+        opened = self._frontiers.get(source) is not None
         released = self.push(item, source, publisher, stamp, now)
         if not opened:
-            behind = [(source, self._frontiers.pop(source).reached)]
-            self._find_slowest()
+            behind = [(source, self._frontiers.close(source))]
+            self._frontiers.find()
             self._waits.over(behind, self._reach, self._arrivals, held=bool(self._heap))
             released += self._release()
         return released
@@ -257,17 +214,17 @@ class ReorderBuffer(Generic[T]):
 
     def unheard(self, stamp: int) -> frozenset[str]:
         """The names of the open streams that may have something older than a stamp still, as far as they told."""
-        if self._limit is not None and self._limit >= stamp:
-            return frozenset()
-        return frozenset(stream.name for _, stream in self._behind(stamp))
+        limit = self._frontiers.limit
+        return frozenset() if limit is not None and limit >= stamp else self._frontiers.names_behind(stamp)
 
     def _why(self, stamp: int) -> Why:
         """Why something with this stamp may leave now."""
-        if self._slowest is None:
+        if not self._frontiers:
             return "frontier"
-        if self._limit is None or self._limit < stamp:
+        limit = self._frontiers.limit
+        if limit is None or limit < stamp:
             return "max_delay"
-        return "clock" if any(frontier.is_told(stamp) for frontier in self._frontiers.values()) else "frontier"
+        return "clock" if self._frontiers.is_told(stamp) else "frontier"
 
     def _release(self) -> list[Released[T]]:
         released: list[Released[T]] = []
@@ -282,7 +239,7 @@ class ReorderBuffer(Generic[T]):
         if why in ("frontier", "clock"):
             waited = self._waits.of(stamp, arrival) if self._waits else ()
         else:
-            waited = tuple(heapq.nsmallest(MOST_TOLD, self._behind(stamp)))
+            waited = tuple(sorted(self._frontiers.furthest_behind(stamp, MOST_TOLD)))
         return Released(self._held.pop(arrival), why, waited=waited)
 
     @property
@@ -290,25 +247,11 @@ class ReorderBuffer(Generic[T]):
         """The time up to which nothing waits for any stream."""
         if not self._frontiers:
             return sys.maxsize
-        return -1 if self._limit is None else self._limit
-
-    def _behind(self, stamp: int) -> Iterator[Source]:
-        """The open streams that may have something older than a stamp still."""
-        return (s for s, known in self._frontiers.items() if known.reached is None or known.reached < stamp)
+        return -1 if self._frontiers.limit is None else self._frontiers.limit
 
     def _moved(self, source: Source, before: int | None, *, new: bool = False) -> None:
         """A frontier rises unless a new publisher lowers it, so that the least one changes only where it moved."""
-        if new or source == self._slowest:
-            self._find_slowest()
+        if new or source == self._frontiers.slowest:
+            self._frontiers.find()
             if self._heap or self._waits:
                 self._waits.over([(source, before)], self._reach, self._arrivals, held=bool(self._heap))
-
-    def _find_slowest(self) -> None:
-        self._slowest, self._limit = None, None
-        for source, frontier in self._frontiers.items():
-            reached = frontier.reached
-            if reached is None:
-                self._slowest, self._limit = source, None
-                return
-            if self._limit is None or reached < self._limit:
-                self._slowest, self._limit = source, reached

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
+from oracle_server.core.least import Least
 from oracle_server.core.spec import SECOND
 
 SILENT = SECOND
@@ -12,13 +14,16 @@ MOST = 60 * SECOND
 """How long (ns) a monitor that has come back may take to send what it kept; beyond, deadlines wait for it no longer."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Behind:
     """When it came back, and was heard last (ns); and the newest time that it told, None where it tells none."""
 
+    number: int
+    monitor: str
     came: int
     heard: int
     told: int | None = 0
+    over: bool = False
 
     @property
     def until(self) -> int:
@@ -35,6 +40,8 @@ class Returning:
         """Since when all are back (ns of the server's time); None while some are awaited."""
         self._awaited: set[str] = set()
         self._behind: dict[str, _Behind] = {}
+        self._told, self._until = Least(_told), Least(_until)
+        self._numbers = itertools.count()
 
     def __bool__(self) -> bool:
         """Whether some may still send what they kept."""
@@ -48,12 +55,14 @@ class Returning:
     def came(self, monitor: str, now: int) -> None:
         """Note that a monitor is connected."""
         if monitor in self._awaited:
-            self._behind[monitor] = _Behind(now, now)
+            self._behind[monitor] = behind = _Behind(next(self._numbers), monitor, now, now)
+            self._told.add(behind)
+            self._until.add(behind)
             self._over(monitor, now)
 
     def left(self, monitor: str, now: int) -> None:
         """Wait for a monitor no more."""
-        self._behind.pop(monitor, None)
+        self._forget(monitor)
         self._over(monitor, now)
 
     def hear(self, monitor: str, time: int | None, now: int) -> None:
@@ -61,24 +70,42 @@ class Returning:
         known = self._behind.get(monitor)
         if known is None:
             return
-        known.heard = now
+        known.heard = max(known.heard, now)
         if time is not None:
+            timed = known.told is not None
             known.told = max(known.told or 0, time)
+            if not timed:
+                self._told.add(known)
         elif known.told == 0:
             known.told = None
 
     def told(self, now: int) -> int | None:
         """The time that all have told (ns) who may still send what they kept; None where none may."""
-        for monitor in [monitor for monitor, known in self._behind.items() if known.until <= now]:
-            del self._behind[monitor]
-        return min((known.told for known in self._behind.values() if known.told is not None), default=None)
+        while (first := self._until.first()) is not None and first[0] <= now:
+            self._forget(first[1].monitor)
+        least = self._told.first()
+        return None if least is None else least[0]
 
     def until(self, now: int) -> int:
         """When (ns) deadlines wait for one of them less, where none says any more."""
-        return min((known.until for known in self._behind.values()), default=now)
+        first = self._until.first()
+        return now if first is None else first[0]
+
+    def _forget(self, monitor: str) -> None:
+        known = self._behind.pop(monitor, None)
+        if known is not None:
+            known.over = True
 
     def _over(self, monitor: str, now: int) -> None:
         if monitor in self._awaited:
             self._awaited.remove(monitor)
             if not self._awaited:
                 self.since = now
+
+
+def _told(known: _Behind) -> int | None:
+    return None if known.over else known.told
+
+
+def _until(known: _Behind) -> int | None:
+    return None if known.over else known.until

@@ -75,7 +75,7 @@ def test_whom_the_order_waits_for_always_gets_credit(
         assert told == credit.left
         for name, left in told.items():
             held_up = left <= 0
-            assert not held_up or name in buffer.ahead
+            assert not held_up or buffer.is_ahead(name)
             assert not held_up or len(buffer) > capacity // 2
         assert buffer.awaited is None or told[buffer.awaited[0]] > 0
 

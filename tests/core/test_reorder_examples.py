@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from oracle_server.core import reorder
+from oracle_server.core import frontiers
 from oracle_server.core.events import StreamKey
 from oracle_server.core.reorder import Released, ReorderBuffer
 
@@ -61,7 +61,7 @@ def test_a_new_publisher_holds_back_a_stream_that_was_ahead() -> None:
 def test_of_too_many_publishers_the_one_that_is_furthest_behind_is_not_waited_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(reorder, "MAX_PUBLISHERS", 2)
+    monkeypatch.setattr(frontiers, "MAX_PUBLISHERS", 2)
     buffer = opened(None)
     buffer.open("m", (A,))
     for publisher in ("first", "second"):

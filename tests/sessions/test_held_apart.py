@@ -111,3 +111,14 @@ async def test_of_many_signals_the_first_are_told(tmp_path: Path) -> None:
     live, _ = await sessions.attach(attach("s", "two", monitor="lidar", streams=["/scan"]), Kept())
     await sessions.attach(attach("s", "two", monitor="base", streams=["/cmd", "/odom"]), Kept())
     assert [text.split()[0] for text in told(live)] == names[:3]
+
+
+async def test_of_many_monitors_a_few_are_named(tmp_path: Path) -> None:
+    sessions = registry(MemoryHistory(), tmp_path, SPEC.replace("FORMULA", "formula: '{topic: /cmd} -> not {near}'"))
+    for number in range(10, 15):
+        live, _ = await sessions.attach(attach("s", "two", monitor=f"lidar{number}", streams=["/scan"]), Kept())
+    for number in range(10, 14):
+        await sessions.attach(attach("s", "two", monitor=f"base{number}", streams=["/cmd"]), Kept())
+    (text,) = told(live)
+    assert "held for lidar10, lidar11, lidar12 and 2 other monitors alone" in text
+    assert "at /cmd of base10 and base11 and base12 and base13:" in text
