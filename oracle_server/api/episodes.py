@@ -12,6 +12,7 @@ from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
 
 from oracle_server.api.beginnings import episode_events
+from oracle_server.api.following import STREAMED
 from oracle_server.api.known import KeptFrom, covered, demand_properties, demand_session, kept_from
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
@@ -140,6 +141,6 @@ def router(registry: Registry, history: History) -> Routes:
         except OtherServerError as error:
             raise HTTPException(409, f"{error}; only that one can tell its episodes as they begin and end") from None
         events = episode_events(registry, history, known, frozenset(property))
-        return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
+        return EventSourceResponse(events, headers=STREAMED)
 
     return routes

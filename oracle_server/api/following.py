@@ -12,8 +12,8 @@ from oracle_server.sessions.registry import Registry
 
 _KEEPALIVE = 15.0
 """Seconds without an event after which a comment is sent, so that both sides notice a lost connection."""
-
-
+STREAMED = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+"""The headers of streams: a proxy as nginx would else keep events until it has some kilobytes of them."""
 _LOOK_AGAIN = 0.5
 """Seconds between two looks at a session that another server has."""
 

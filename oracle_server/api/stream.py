@@ -15,7 +15,7 @@ from fastapi import Depends, Header, HTTPException, Query, Request
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 
-from oracle_server.api.following import followed, number_of
+from oracle_server.api.following import STREAMED, followed, number_of
 from oracle_server.api.known import demand_properties, demand_session, demand_stream, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.api.routes import Routes
@@ -72,7 +72,7 @@ def router(registry: Registry, history: Reading) -> Routes:
         if summary:
             if {*request.query_params} - {"summary"}:
                 raise HTTPException(422, "summary: stands alone, since it selects no verdicts")
-            return EventSourceResponse(summaries(registry, session_id), headers={"Cache-Control": "no-store"})
+            return EventSourceResponse(summaries(registry, session_id), headers=STREAMED)
         demand_properties(known, question.properties)
         await demand_stream(registry, history, known, question.stream)
         begin = after if last_event_id is None else number_of(last_event_id)
@@ -80,7 +80,7 @@ def router(registry: Registry, history: Reading) -> Routes:
         wanted = replace(asked, after=begin, limit=_PAGE, follows=True)
         first, wanted, _ = await _page(history, known, wanted, doubts_of(registry, session_id))
         events = _events(registry, history, session_id, known, wanted, first)
-        return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
+        return EventSourceResponse(events, headers=STREAMED)
 
     return routes
 

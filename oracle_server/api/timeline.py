@@ -12,7 +12,7 @@ from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 from pydantic import BaseModel, Field, StringConstraints
 
-from oracle_server.api.following import followed, number_of
+from oracle_server.api.following import STREAMED, followed, number_of
 from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import packed_answer
@@ -165,7 +165,7 @@ def router(registry: Registry, history: Reading) -> Routes:
         _demand_signals(registry, session_id, question)
         since = question.after if last_event_id is None else number_of(last_event_id)
         events = _events(registry, history, known, replace(question, after=since))
-        return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
+        return EventSourceResponse(events, headers=STREAMED)
 
     return routes
 

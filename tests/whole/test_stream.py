@@ -33,6 +33,7 @@ async def stream(
         assert response.status_code == 200
         assert response.headers["content-type"].split(";")[0] == "text/event-stream"
         assert response.headers["cache-control"] == "no-store", "no proxy answers with what was"
+        assert response.headers["x-accel-buffering"] == "no", "nor keeps what comes"
         yield parsed(response.aiter_lines())
 
 
