@@ -15,6 +15,7 @@ from prometheus_client.registry import Collector
 
 from oracle_server.api.packing import packed_answer
 from oracle_server.api.routes import Routes
+from oracle_server.core.asked import unasked
 from oracle_server.core.tally import BOUNDS
 from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_all
@@ -65,31 +66,35 @@ def router(
     return routes
 
 
-async def _at_present(registry: Registry) -> tuple[Pairs, Pairs]:
-    """In how many open sessions each property does not hold at present, and has an open episode."""
-    violated, episodes = Counter[tuple[str, str]](), Counter[tuple[str, str]]()
+async def _at_present(registry: Registry) -> tuple[Pairs, Pairs, Pairs]:
+    """In how many open sessions each property does not hold at present, has an open episode, and was asked nothing."""
+    violated, episodes, idle = Counter[tuple[str, str]](), Counter[tuple[str, str]](), Counter[tuple[str, str]]()
     pair = registry.counters.violated.pair
     for session in [*registry.open.values()]:
         told = next(iter(session.core.judges.values())).told
         violated.update(pair(session.spec.id, s.property.id) for s in told.properties if s.outcome in _NEGATIVE)
+        idle.update(pair(session.spec.id, s.property.id) for s in told.properties if unasked(s.watch, s.outcome))
         episodes.update(pair(session.spec.id, told.properties[i].property.id) for i, _ in told.following.open)
         await asyncio.sleep(0)  # so that decisions wait for one session, not for a thousand
-    return violated, episodes
+    return violated, episodes, idle
 
 
-def _rendered(families: list[Metric], counts: Pairs, violated: Pairs, episodes: Pairs) -> bytes:
+def _rendered(families: list[Metric], counts: Pairs, violated: Pairs, episodes: Pairs, idle: Pairs) -> bytes:
     """All metrics as text; in a thread, since there may be thousands of lines."""
     labels = ["spec", "property"]
     total = CounterMetricFamily("oracle_violations", "Verdicts at which a property became negative", labels=labels)
     now = "Open sessions in which a property does not hold at present"
     present = GaugeMetricFamily("oracle_violated", now, labels=labels)
     going = GaugeMetricFamily("oracle_episodes_open", "Open sessions in which an episode is open", labels=labels)
+    what = "Open sessions in which nothing was asked of a property yet"
+    waiting = GaugeMetricFamily("oracle_unasked", what, labels=labels)
     for pair, count in counts.items():
         total.add_metric(pair, count)
         present.add_metric(pair, violated.get(pair, 0))
         going.add_metric(pair, episodes.get(pair, 0))
+        waiting.add_metric(pair, idle.get(pair, 0))
     collectors = CollectorRegistry()
-    collectors.register(_Made([*families, total, present, going]))
+    collectors.register(_Made([*families, total, present, going, waiting]))
     ProcessCollector(registry=collectors)
     return generate_latest(collectors)
 

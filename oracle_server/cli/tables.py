@@ -60,6 +60,7 @@ def show_closed(client: Client, session: str, *, as_json: bool) -> None:
     show({"items": [state]}, SESSIONS, [session_row(state)], as_json=as_json)
     if not as_json:
         _show_caveats(state)
+        _show_remarks(state)
 
 
 def show_verdicts(
@@ -77,6 +78,7 @@ def show_verdicts(
     rows = [_row(p | {"first at": first_name(p, now)}, tuple(columns.values())) for p in state["properties"]]
     show(state, tuple(columns), rows, as_json=False)
     _show_caveats(state)
+    _show_remarks(state)
     sys.stdout.write(not_kept(client, session, state))
     violations = client.pages(of_session(session, "violations"), **{"as": view})
     if violations:
@@ -158,6 +160,11 @@ def _show_caveats(state: dict[str, Any], where: str = "") -> None:
     What an older version closed has no such keys.
     """
     sys.stdout.writelines(f"{one_line(where + text)}\n" for text in _caveats(state))
+
+
+def _show_remarks(state: dict[str, Any]) -> None:
+    """Print of which properties nothing was asked, which an older server does not tell."""
+    sys.stdout.writelines(f"{one_line(text)}\n" for text in state.get("remarks", ()))
 
 
 def _caveats(state: dict[str, Any]) -> list[str]:

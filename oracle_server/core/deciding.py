@@ -8,9 +8,18 @@ import msgspec
 
 from oracle_server.core.episode import Following
 from oracle_server.core.holding import Held
-from oracle_server.core.property_state import Mark
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import NEGATIVE, Decision, Outcome, Verdict
+
+
+class Mark(NamedTuple):
+    """The part of a property's state that a step which is taken back must not change."""
+
+    outcome: Outcome
+    negative: bool
+    failures: int
+    violations: int
+    first: tuple[int | None, int | None, int | None]
 
 
 class Before(NamedTuple):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
 
+from oracle_server.core.asked import Watch, watch
 from oracle_server.core.beyond import Look, looking
 from oracle_server.core.counted import Counted
+from oracle_server.core.deciding import Mark
 from oracle_server.core.engine import (
     MAX_WORK,
     Answer,
@@ -39,16 +40,6 @@ _IDLE = f"its deadlines cost too much: {MAX_WORK} values may be looked at for th
 
 builtin_property = property
 """`property`, which is a field here."""
-
-
-class Mark(NamedTuple):
-    """The part of a property's state that a step which is taken back must not change."""
-
-    outcome: Outcome
-    negative: bool
-    failures: int
-    violations: int
-    first: tuple[int | None, int | None, int | None]
 
 
 @dataclass(slots=True)
@@ -96,6 +87,8 @@ class PropertyState(Counted):
     """Its obligations, None where its formula only looks back, or it is not judged any more."""
     settles: bool = False
     """Whether time has decided some, when it came last."""
+    watch: Watch | None = field(init=False)
+    """What it waits for as long as nothing was asked of it."""
     stained: bool = False
     """Whether an event that was denied may still count, since it has happened for all that; see `blame: caused`."""
     unowed: Outcome = _HOLDS
@@ -123,6 +116,7 @@ class PropertyState(Counted):
         self._measuring = self.engine if provides(self.engine, Measuring) else None
         self._guarding = self.engine if self.owed is not None and provides(self.engine, Guarding) else None
         prop, lasts = self.property, self.property.latch or self.owed is not None  # it may hold at a step all the same
+        self.watch = watch(prop)
         self.look = looking(prop.formula, fails=not lasts) if self._measuring is None else None
         self._goes_on = prop.latch and prop.blame == "caused" and bool(prop.guards) and self._revisable is not None
 
@@ -318,6 +312,7 @@ class PropertyState(Counted):
             "broken": self.broken,
             "renewed": self.renewed,
             "stained": self.stained,
+            "watch": self.watch.snapshot() if self.watch else None,
             "engine": engine,
         }
 
@@ -332,6 +327,7 @@ class PropertyState(Counted):
             self._revisable = self._measuring = None
         self.renewed = data.get("renewed", False)
         self.stained = data.get("stained", True)
+        self.watch = self.watch.restored(data.get("watch")) if self.watch else None
         self._goes_on = self._goes_on and (data["engine"] is not None or self.outcome not in FINAL)
         if data["engine"] is not None:
             if not provides(self.engine, Savable):
@@ -385,12 +381,15 @@ class PropertyState(Counted):
         try:
             if failed and self.owed and provides(engine, Owing) and not view.reads.isdisjoint(failed):
                 engine.lose(lost(view, signals, failed))
+            found = view.matches(signals)
+            if self.watch is not None and view.tests:
+                self.watch = self.watch.see(found)
             if allowed < MAX_WORK and provides(engine, Bounded):
                 engine.allow(allowed)
-                outcome = engine.step(time, view.matches(signals))
+                outcome = engine.step(time, found)
                 engine.allow(MAX_WORK)
             else:
-                outcome = engine.step(time, view.matches(signals))
+                outcome = engine.step(time, found)
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.give_up(str(error) or type(error).__name__)
             outcome = Outcome.UNKNOWN

@@ -9,10 +9,18 @@ from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.formula.tree import Scalar
 
 
+class WatchSnapshot(TypedDict):
+    """What a property of which nothing was asked yet waits for; `missing` are the places of atoms that never held."""
+
+    asked: bool
+    missing: list[int]
+
+
 class PropertySnapshot(TypedDict):
     """One property; `engine` is None where it needs none any more. The fields are those of `PropertyState`.
 
     Older versions lack where the first violation was, and whether denied events may still count: then they may.
+    `watch` is None where something was asked of it, and lacking where an older version did not look.
     """
 
     outcome: str
@@ -25,6 +33,7 @@ class PropertySnapshot(TypedDict):
     broken: str | None
     renewed: bool
     stained: NotRequired[bool]
+    watch: NotRequired[WatchSnapshot | None]
     engine: dict[str, Any] | None
 
 

@@ -24,7 +24,7 @@ export function nowView(id, visit) {
     const { properties, clock, status, live, kind, monitors, trouble, doubts } = state;
     const alone = status === "open" && !live && !trouble && kind !== "recording";
     const known = shown.map((each) => records.get(key(each)) ?? null);
-    const standing = properties.map(({ id: name, outcome, broken, caveats }) => [name, outcome, broken, caveats?.length > 0]);
+    const standing = properties.map(({ id: name, outcome, broken, caveats, unasked }) => [name, outcome, broken, caveats?.length > 0, Boolean(unasked)]);
     const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some((each) => each.trouble));
     const gone = properties.some(({ violations }) => violations > 0);
     const over = status === "closed";
@@ -85,6 +85,7 @@ function calm(standing, { troubled, trouble, doubts, alone, over }, rest) {
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
   const degraded = standing.filter(([, , , is]) => is).map(([name]) => name);
+  const unasked = [...new Set(standing.filter(([, , , , is]) => is).map(([name]) => name))];
   const holding = standing.length - failing.length - unknown.length;
   const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : alone ? ["not watched", "unsure"] : ["hold", "good"];
   const few = (names) => `${names.slice(0, 3).join(", ")}${names.length > 3 ? " …" : ""}`;
@@ -92,6 +93,7 @@ function calm(standing, { troubled, trouble, doubts, alone, over }, rest) {
     failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
     unknown.length ? `${unknown.length} of ${standing.length} not judged: ${few(unknown)}` : null,
     !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held at the newest step" : `${holding === 1 ? "holds" : "hold"}${over ? " at the end" : ""}`}` : null,
+    unasked.length ? `nothing was asked of ${few(unasked)}` : null,
     alone ? "no monitor is there now" : null,
     degraded.length ? `${degraded.length} of ${standing.length} degraded: ${few(degraded)}` : null,
     troubled ? "not all streams are heard as they should be" : null,

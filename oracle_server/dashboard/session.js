@@ -224,6 +224,7 @@ function propertyTable({ id, spec, states, clock }) {
       h("strong", {}, each.id), both ? ` by ${each.order}` : null,
       spec[each.id] ? [h("p", { class: "hint" }, spec[each.id].description), h("code", {}, spec[each.id].formula)] : null,
       [each.broken, each.complaint, ...(each.caveats ?? []).map((text) => `degraded: ${text}`)].map((text) => (text ? h("p", { class: "complaint" }, text) : null)),
+      each.unasked ? h("p", { class: "hint unasked" }, "nothing was asked of it: ", h("code", {}, each.unasked), " never held") : null,
     ],
     [badge(each.outcome), each.robustness === null ? null : ` robustness ${each.robustness}`, each.pending ? ` ${each.pending} open` : null],
     count(each.violations),

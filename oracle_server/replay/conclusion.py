@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from oracle_server.core.asked import told
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Signal
@@ -15,7 +16,7 @@ from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.units import counted, span
 from oracle_server.core.verdicts import Outcome
-from oracle_server.replay.asked import told
+from oracle_server.replay.asked import unasked
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
 from oracle_server.replay.recording import Note, part_of
 from oracle_server.replay.run import Replay
@@ -81,7 +82,8 @@ def conclude(replay: Replay) -> Conclusion:
     for name, text in _unread(replay, notes):
         unjudged.setdefault(name, text)
     doubts = [note.text for note in notes if note.doubt and note.text not in unjudged.values()]
-    idle = [each for each in replay.asked.idle(coverage) if each.property.id not in {*unjudged, *_ended(replay)}]
+    ended = {*unjudged, *_ended(replay)}
+    idle = [i for i in unasked(replay.spec, replay.session, coverage) if i.property.id not in ended]
     strange = list(dict.fromkeys(replay.vocabulary.doubts(idle)))
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
     doubts += [text for _, text in strange]
@@ -94,7 +96,7 @@ def conclude(replay: Replay) -> Conclusion:
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
     remarks += tuple(f"{name}: judged from step {step} on, and unknown before" for name, step in replay.begun.items())
-    remarks += tuple(told([each for each in idle if each.property.id not in dict(strange)]))
+    remarks += tuple(told([(i.property.id, i.part) for i in idle if i.property.id not in dict(strange)]))
     if replay.revised:
         remarks += (replay.revised,)
     return Conclusion(

@@ -26,7 +26,6 @@ from oracle_server.history.views import View
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.again import Again
 from oracle_server.replay.apart import Apart
-from oracle_server.replay.asked import Asked
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
@@ -84,14 +83,14 @@ class Replay:
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
         ready = plan(spec)
-        self.apart, self.asked, self.vocabulary = Apart(spec), Asked(spec), Vocabulary(spec, types)
+        self.apart, self.vocabulary = Apart(spec), Vocabulary(spec, types)
         self.lacking, self.spelling, self.fields = Lacking(ready, types), Spelling(spec), FieldSpelling(spec)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
         }
         streams = {key: replace(stream, project=self._counting[key]) for key, stream in ready.streams.items()}
-        self._plan = self.asked.watched(replace(ready, streams=streams))
+        self._plan = replace(ready, streams=streams)
         self._unjudged, self._last_deadline = Unjudged(ready), LastDeadline(self.spec.ordering)
         self._reorder = by is not None
         self._session: Session | None = None

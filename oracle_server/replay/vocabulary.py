@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+from oracle_server.core.asked import Idle
 from oracle_server.core.atoms import shortened
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
@@ -12,7 +13,7 @@ from oracle_server.core.nearest import near
 from oracle_server.core.ranges import range_of
 from oracle_server.core.spec import Spec
 from oracle_server.core.typed import StreamTypes
-from oracle_server.replay.asked import Idle, own
+from oracle_server.replay.asked import own
 from oracle_server.replay.coverage import signal_names
 from oracle_server.replay.spelling import Wanted, plain, readers, sources_of, texts_in
 

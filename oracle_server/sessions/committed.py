@@ -47,6 +47,7 @@ def property_state(stands: PropertyStands, order: Order) -> Document:
         "unknown": 0,
         "broken": None,
         "complaint": None,
+        "unasked": None,
         "caveats": [_PASSED] if stands.bypassed else [],
         "robustness": None,
     } | _told(stands)

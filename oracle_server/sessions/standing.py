@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from oracle_server.core.asked import unasked
 from oracle_server.core.episode import Episode
 from oracle_server.core.property_state import PropertyState
 from oracle_server.core.session import Session
@@ -26,9 +27,9 @@ def caveats(core: Session, index: int) -> list[str]:
     ]
 
 
-_Mark = tuple[Outcome, int, int | None, bool, bool, tuple[str, ...], tuple[object, ...] | None]
-"""A property's outcome, its violations and the first one, whether any step could not be judged, whether it waits, its
-caveats, and its episode."""
+_Mark = tuple[Outcome, int, int | None, bool, bool, bool, tuple[str, ...], tuple[object, ...] | None]
+"""A property's outcome, its violations and the first one, whether any step could not be judged, whether it waits,
+whether nothing was asked of it, its caveats, and its episode."""
 
 
 class Standing:
@@ -74,7 +75,7 @@ class Standing:
             [
                 (
                     *(state.outcome, state.violations, state.first_violation, state.failures > 0),
-                    *(bool(state.pending), self._caveats(i, state)),
+                    *(bool(state.pending), state.watch is not None, self._caveats(i, state)),
                     None if episode is None else (episode.first, episode.open, episode.final, episode.count),
                 )
                 for i, (state, episode) in enumerate(zip(told.properties, episodes, strict=True))
@@ -98,6 +99,8 @@ class Standing:
 
 def _standing(state: PropertyState, episode: Episode | None, caveats: Sequence[str]) -> PropertyStanding:
     level, text = _WORDING.get(state.outcome) or _unknown(state)
+    if unasked(state.watch, state.outcome) is not None:
+        text = f"{text}; nothing was asked of it yet"
     if state.pending:
         text = f"{text}; answers are awaited"
     if caveats:

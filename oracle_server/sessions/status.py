@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import accumulate
 from typing import Any
 
+from oracle_server.core.asked import unasked
 from oracle_server.core.events import Source, Step
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.session import Session
@@ -142,6 +143,7 @@ def _properties(core: Session) -> Iterator[dict[str, Any]]:
                 "degraded": told.is_degraded(i),
                 "broken": state.broken,
                 "complaint": state.complaint,
+                "unasked": None if (idle := unasked(state.watch, state.outcome)) is None else idle.part,
                 "caveats": caveats(core, i),
                 "robustness": json_number(state.robustness),
             }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from oracle_server.core.asked import told as told_idle
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.history.records import Document
@@ -24,8 +25,14 @@ _FEW = 3
 
 
 def told(state: Document) -> Document:
-    """A session's state as clients are told it: with its `doubts`, which those that older versions kept have too."""
-    return state | {"doubts": [*dict.fromkeys(_doubts(state))]}
+    """A session's state as clients are told it: with `doubts` and `remarks`, also where an older version kept it."""
+    return state | {"doubts": [*dict.fromkeys(_doubts(state))], "remarks": [*_remarks(state)]}
+
+
+def _remarks(state: Document) -> Iterator[str]:
+    """That nothing was asked of properties, so that it tells nothing that they hold."""
+    idle = [row for row in state["properties"] if row.get("unasked")]
+    yield from told_idle([*{row["id"]: (row["id"], row["unasked"]) for row in idle}.values()])
 
 
 def summary(state: Document) -> Document:

@@ -6,7 +6,7 @@ import json
 
 from playwright.async_api import Page, expect
 
-from tests.whole.client import attached, make_event
+from tests.whole.client import attached, make_clock, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import run
 
@@ -103,3 +103,22 @@ async def test_what_was_lost_is_told_where_sessions_are_compared(start: Starts, 
             await monitor.acked(2)
     await page.goto(f"{server.url}/#/compare/sound/lost")
     await expect(page.locator(".compared .complaint")).to_have_text([f"lost: {LOST}"])
+
+
+async def test_that_nothing_was_asked_of_a_property_that_holds_is_told(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    told = 'nothing was asked of moves (`{topic: "/cmd"}` never held)'
+    async with attached(server, session="quiet", spec="moving") as monitor:
+        await monitor.send(make_event(1, "/odom", data={"v": 1}), make_clock("/odom", 2), make_clock("/cmd", 2))
+        await monitor.acked(1)
+        assert told in run("verdicts", "quiet", "--url", server.url).stdout
+        assert 'oracle_unasked{property="moves",spec="moving"} 1.0' in server.http.get("/metrics").text
+        await page.goto(f"{server.url}/#/sessions/quiet")
+        card = page.locator(".now .card")
+        await expect(card).to_contain_text("nothing was asked of moves")
+        await expect(page.locator(".unasked")).to_have_text('nothing was asked of it: {topic: "/cmd"} never held')
+        await monitor.send(make_event(2, "/cmd", 3), make_clock("/odom", 4), make_clock("/cmd", 4))
+        await monitor.acked(2)
+        await expect(page.locator(".unasked")).to_have_count(0)
+        await expect(card).not_to_contain_text("nothing was asked")
+        assert "nothing was asked" not in run("close", "quiet", "--url", server.url).stdout
