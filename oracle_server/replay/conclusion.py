@@ -144,6 +144,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
     yield from _too_short(replay)
     yield from replay.spelling.doubts()
     yield from replay.fields.doubts()
+    yield from replay.row_names.doubts()
     yield from replay.lacking.doubts()
     yield from replay.apart.doubts()
     yield from replay.units.doubts()

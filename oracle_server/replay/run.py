@@ -34,6 +34,7 @@ from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.lastdeadline import LastDeadline
 from oracle_server.replay.leaps import Leaps
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
+from oracle_server.replay.rownames import RowNames
 from oracle_server.replay.settling import Handling, Settling
 from oracle_server.replay.spelling import FieldSpelling, Spelling
 from oracle_server.replay.units import Units
@@ -84,7 +85,8 @@ class Replay:
         self.recording = recording
         ready = plan(spec)
         self.apart, self.vocabulary = Apart(spec), Vocabulary(spec, types)
-        self.lacking, self.spelling, self.fields = Lacking(ready, types), Spelling(spec), FieldSpelling(spec)
+        self.lacking, self.spelling = Lacking(ready, types), Spelling(spec)
+        self.fields, self.row_names = FieldSpelling(spec), RowNames(spec)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
@@ -231,6 +233,7 @@ class Replay:
             self._last = event.monitor, event.seq
             self.lacking.look(recorded)
             self.fields.look(event.stream, event.data)
+            self.row_names.look(event.stream, event.data)
             if self.recording.clocked:
                 self.units.look(recorded)
         if recorded.passed is not None:
