@@ -20,7 +20,7 @@ def test_all_that_is_often_wanted_is_there() -> None:
     assert [recipe.id for recipe in RECIPES] == [
         "Liveness", "Response within", "Has lasted", "Mutual exclusion", "Debounce", "Precedence", "Rate",
         "Window of time", "Until", "One after the other", "Heartbeats of each", "E-stop", "Guard by a state",
-        "Mode changes", "Limit by another stream",
+        "Mode changes", "Limit by another stream", "Tilt and heading",
     ]  # fmt: skip
 
 

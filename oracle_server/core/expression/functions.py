@@ -78,6 +78,17 @@ _LIST = "write `msg.list.{}(x, x > 0)`"
 _NO_TIMES = "expressions have no times and durations; compare the numbers, as in msg.header.stamp.sec"
 _NO_BYTES = "expressions have no bytes; in a message they are a text in base64"
 _NO_SUCH = "there is none in expressions: let a node compute it, and observe the topic that has the result"
+_BY_NAME = (
+    "of lists side by side, as in JointState, the stream has `each: msg.name`: in its signals `item` is each name, and "
+    "`msg.position[index]` what stands beside it; of a list of messages ask `msg.list.exists(x, x.name == 'a' && x.ok)`"
+)
+_FOUND = "write `msg.list.exists(x, x.name == 'a' && x.x > 0)`, or `msg.list.filter(x, x.name == 'a')[0].x`"
+_NO_ANGLES = (
+    "of a quaternion q, 1 - 2 * (q.x * q.x + q.y * q.y) is the cosine of the tilt, 2 * (q.w * q.z + q.x * q.y) and "
+    "1 - 2 * (q.y * q.y + q.z * q.z) sine and cosine of the heading"
+)
+_TEXTS = "parts of a text are asked for by `msg.text.startsWith('a')`, `contains`, `endsWith` and `matches`"
+_NOT_A_NUMBER = "NaN arrives as a text: write `msg.x == 'NaN'`"
 _ONE_MESSAGE = "an expression reads one message alone; what was before is asked in a formula, by `pre` or `once`"
 _ELSEWHERE = {
     **dict.fromkeys(
@@ -87,6 +98,23 @@ _ELSEWHERE = {
     **dict.fromkeys(
         ("now", "time"), "an expression reads the message alone; a formula's bounds count time, as `once[:2s]`"
     ),
+    **dict.fromkeys(("index", "indexOf", "index_of", "argmax", "zip", "enumerate", "range"), _BY_NAME),
+    **dict.fromkeys(("find", "first", "findFirst", "next"), _FOUND),
+    **dict.fromkeys(("at", "nth"), "write `msg.list[0]`"),
+    **dict.fromkeys(("isNaN", "is_nan"), _NOT_A_NUMBER),
+    **dict.fromkeys(("isFinite", "isfinite", "is_finite"), f"{_NOT_A_NUMBER}, 'Infinity' or '-Infinity'"),
+    **dict.fromkeys(("Number", "parseFloat", "parseInt"), "write `double(msg.text)` or `int(msg.text)`"),
+    **dict.fromkeys(("toString", "to_string", "toFixed", "format"), "write `string(msg.id)`"),
+    **dict.fromkeys(("empty", "isEmpty", "is_empty"), "write `size(msg.list) == 0`"),
+    **dict.fromkeys(("defined", "exists", "exist", "isset"), "write `has(msg.field)`, or `msg.list.exists(x, x > 0)`"),
+    **dict.fromkeys(("substring", "substr", "slice", "charAt", "split", "replace"), _TEXTS),
+    **dict.fromkeys(("yaw", "pitch", "roll", "rpy", "euler", "quat2euler", "degrees", "radians"), _NO_ANGLES),
+    **dict.fromkeys(("toSec", "to_sec", "toNSec", "nanoseconds"), _NO_TIMES),
+    "clamp": "write `min(max(msg.x, 0), 1)`",
+    "sign": "write `msg.x > 0 ? 1 : msg.x < 0 ? -1 : 0`",
+    "concat": "write `msg.a + msg.b`",
+    "greatest": "write `max(msg.a, msg.b)`",
+    "least": "write `min(msg.a, msg.b)`",
     "all": _LIST.format("all"),
     "any": _LIST.format("exists"),
     "bool": "write a comparison, as in msg.count != 0",
@@ -101,11 +129,12 @@ _ELSEWHERE = {
     "float": "write `double(msg.count)`",
     **dict.fromkeys(("floor", "ceil", "round"), "write `int(msg.x)`, which leaves out what is behind the point"),
     **dict.fromkeys(("hypot", "norm", "magnitude"), "write `sqrt(msg.x * msg.x + msg.y * msg.y)`"),
-    **dict.fromkeys(("prev", "previous", "last", "old", "delta", "diff"), _ONE_MESSAGE),
-    "includes": "write `msg.text.contains('part')`",
+    **dict.fromkeys(("prev", "previous", "old", "delta", "diff"), _ONE_MESSAGE),
+    "last": f"write `msg.list[size(msg.list) - 1]` for the last element; {_ONE_MESSAGE}",
+    "includes": "write `'a' in msg.list`, or `msg.text.contains('part')`",
     "isinf": "infinities arrive as texts: write `msg.x == 'Infinity' || msg.x == '-Infinity'`",
     "mod": "write `msg.count % 2`",
-    "isnan": "NaN arrives as a text: write `msg.x == 'NaN'`",
+    "isnan": _NOT_A_NUMBER,
     "len": "write `size(msg.list)`",
     "length": "write `size(msg.list)`",
     **dict.fromkeys(("lowerAscii", "lowercase"), "write `msg.text.lower()`"),
