@@ -97,6 +97,7 @@ def conclude(replay: Replay) -> Conclusion:
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
     remarks += tuple(f"{name}: judged from step {step} on, and unknown before" for name, step in replay.begun.items())
     remarks += tuple(told([(i.property.id, i.part) for i in idle if i.property.id not in dict(strange)]))
+    remarks += tuple(replay.row_names.empty.told())
     if replay.revised:
         remarks += (replay.revised,)
     return Conclusion(

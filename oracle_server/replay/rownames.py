@@ -10,6 +10,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import Expression, tree
 from oracle_server.core.nearest import near
 from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.replay.emptylists import EmptyLists
 
 _Path = tuple[str, ...]
 _Name = str | int
@@ -65,6 +66,8 @@ class RowNames:
             for name, text in (stream.signals or {}).items():
                 for rows, wanted in _compared_in(stream, stream.read(text)):
                     self._asked.setdefault((rows, name), {})[wanted] = None
+        self.empty = EmptyLists(spec)
+        """The lists that had no rows at all."""
         self._had = {rows: _Had() for rows, _ in self._asked}
         self._by_stream: dict[StreamKey, list[_Rows]] = {}
         for rows in self._had:
@@ -72,6 +75,7 @@ class RowNames:
 
     def look(self, stream: StreamKey, message: object) -> None:
         """Look at a message; one that is not there, as in a session's own trace, tells nothing."""
+        self.empty.look(stream, message)
         for rows in self._by_stream.get(stream, ()):
             found = _at(message, rows.path)
             if isinstance(found, list | tuple) and len(found) <= _MOST:

@@ -142,6 +142,9 @@ def _of_path(found: Around) -> str:
     start = found.before[-1]
     match = re.match(r"[\w.\[\]]+", found.text[start.at :])
     path = match[0] if match else start.text
+    if found.last(2) in (":", "=", "==", "!=") and not path.startswith("msg.") and "[" not in path:
+        op = " !=" if found.last(2) == "!=" else ":"
+        return f'a text with a dot stands in quotes: write `{found.last(3)}{op} "{path}"`; a field is a signal\'s value'
     name = re.findall(r"[^\W\d]\w*", path)[-1]
     field = path.removeprefix("msg.")
     if field == path and "." in path:
