@@ -20,7 +20,7 @@ from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.readers import Readers
 from oracle_server.history.records import Forwarding as Stands
 from oracle_server.history.records import Free
-from oracle_server.process.worker import Worker, WorkerError
+from oracle_server.process.worker import Worker, WorkerError, packed
 
 _WITHIN = 150.0
 """Seconds that a chunk may take: over a slow network, too."""
@@ -124,7 +124,7 @@ class Forwarding:
         if (failure := self.noted.failure) is not None:
             raise HistoryError(f"the history here can't be written: {failure}")
         stands = await self.noted.stands()
-        ask = Ask(self.noted.path, self._url, self.progress.origin, stands.robot, stands.seq, self._rows)
+        ask = Ask(packed(self.noted.path), self._url, self.progress.origin, stands.robot, stands.seq, self._rows)
         told = _told(await self._threads.start(partial(self._worker.ask, ask, _WITHIN)))
         if told.error is not None:
             return self._failed(told.error)

@@ -14,15 +14,15 @@ from oracle_server.history.records import Document, StoredStep
 
 
 class Task(msgspec.Struct):
-    """The path of a recording, the text of the spec that it is judged by, and folders with types of messages.
+    """The path of a recording, the text of the spec that it is judged by, and folders with types; paths are `packed`.
 
     `most_bytes` is the size that no file may exceed which is unpacked beside it.
     """
 
-    recording: str
+    recording: bytes
     name: str
     spec: str
-    types: Sequence[str]
+    types: Sequence[bytes]
     most_bytes: int
 
 

@@ -20,6 +20,7 @@ from oracle_server.jobs.checking import CrowdedError
 from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
 from oracle_server.jobs.judge import Judge, JudgeError
 from oracle_server.jobs.uploads import Uploads
+from oracle_server.process.worker import packed
 from oracle_server.sessions.opening import Begun
 from oracle_server.sessions.recorded import RecordedSession
 from oracle_server.sessions.registry import Registry
@@ -99,7 +100,7 @@ class Recordings:
         """
         self.uploads = uploads
         self._registry, self._library, self._most_rows = registry, library, most_rows
-        self._types = [str(folder) for folder in types]
+        self._types = [packed(str(folder)) for folder in types]
         self._all: OrderedDict[str, Recording] = OrderedDict()
         self._turn = asyncio.Lock()
         self._stopping = False
@@ -187,7 +188,7 @@ class Recordings:
         """Judge a recording once it is its turn, whatever comes of it."""
         judging = _Judging(one, entry, self._registry, self.uploads, self._most_rows)
         state: State = "failed"
-        task = Task(str(path), one.name, entry.file.text, self._types, 4 * self.uploads.most_bytes)
+        task = Task(packed(str(path)), one.name, entry.file.text, self._types, 4 * self.uploads.most_bytes)
         try:
             async with self._turn:
                 one.state = "judging"

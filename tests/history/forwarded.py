@@ -16,6 +16,7 @@ from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sqlite.history import NAME, SqliteHistory
+from oracle_server.process.worker import packed
 
 ORIGIN = "robot7"
 
@@ -70,7 +71,9 @@ async def brought(
     assert noted is not None
     while True:
         known = await noted.stands()
-        told = await asyncio.to_thread(bringing.bring, Ask(noted.path, url, ORIGIN, known.robot, known.seq, rows))
+        told = await asyncio.to_thread(
+            bringing.bring, Ask(packed(noted.path), url, ORIGIN, known.robot, known.seq, rows)
+        )
         assert told.error is None, told.error
         if told.anew is not None:
             await noted.begin_anew(known=told.anew == "less")

@@ -36,7 +36,7 @@ def line(i: int, v: Any) -> str:
 def frames(folder: Path, lines: list[str], ordering: str = "") -> list[Any]:
     path, told = folder / "log.jsonl", list[Any]()
     path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
-    judge(Task(str(path), path.name, SPEC.format(ordering=ordering), [], 10**9), told.append)
+    judge(Task(bytes(path), path.name, SPEC.format(ordering=ordering), [], 10**9), told.append)
     return told
 
 
@@ -89,7 +89,7 @@ def test_what_was_judged_is_told_where_a_stream_can_not_be_used(tmp_path: Path) 
     lines = [line(i, 99 if i == 20 else 1) for i in range(1, 30)]
     lines += [line(i, 1).replace("/a", "/b").replace('"v"', '"x"') for i in range(30, 40)]
     path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
-    judge(Task(str(path), path.name, TWO, [], 10**9), told.append)
+    judge(Task(bytes(path), path.name, TWO, [], 10**9), told.append)
     failed = told[-1]
     assert isinstance(failed, Failed)
     assert failed.state is not None
@@ -115,7 +115,7 @@ def test_what_can_not_be_told_costs_nothing_of_what_was_judged_before(tmp_path: 
         elif isinstance(frame, Failed):
             ended.append(frame)
 
-    judge(Task(str(path), path.name, SPEC.format(ordering=""), [], 10**9), tell)
+    judge(Task(bytes(path), path.name, SPEC.format(ordering=""), [], 10**9), tell)
     assert [step.position for step in rows] == [*range(1, 30)]
     assert any(step.explanations for step in rows)
     (failed,) = ended
@@ -138,7 +138,7 @@ def long_line(i: int, size: int, **more: str) -> str:
 def told_of(folder: Path, lines: list[str]) -> list[Any]:
     path, told = folder / "log.jsonl", list[Any]()
     path.write_text("".join(f"{one}\n" for one in lines), encoding="utf-8")
-    judge(Task(str(path), path.name, TEXTS, [], 10**9), told.append)
+    judge(Task(bytes(path), path.name, TEXTS, [], 10**9), told.append)
     return told
 
 

@@ -35,7 +35,7 @@ def judged(name: str, folder: Path, count: int) -> tuple[str, list[Any]]:
             file.write(f"{json.dumps(line)}\n")
         file.write("{garbage\n")
     text = (SPECS[0] / f"{name}.yaml").read_text(encoding="utf-8")
-    judge(Task(str(path), path.name, text, [], 10**9), told.append)
+    judge(Task(bytes(path), path.name, text, [], 10**9), told.append)
     return text, told
 
 

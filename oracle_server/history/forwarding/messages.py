@@ -8,13 +8,13 @@ import msgspec
 
 
 class Ask(msgspec.Struct):
-    """Bring some more of the file at `path` to the centre at `url`: at most so many rows.
+    """Bring some more of the file at `path` (`packed`) to the centre at `url`: at most so many rows.
 
     `robot` and `seq` are what the robot's history knows of its forwarding. A URL may have a password: it is told here,
     and not as an argument, which all users can read.
     """
 
-    path: str
+    path: bytes
     url: str
     origin: str
     robot: str

@@ -18,7 +18,7 @@ from oracle_server.history.sql.matching import told
 from oracle_server.history.sql.timeline import asked
 from oracle_server.history.timeline import Question
 from oracle_server.history.views import Doubts
-from oracle_server.process.worker import receive, send, step_back
+from oracle_server.process.worker import receive, send, step_back, unpacked
 
 _NICE = 5
 
@@ -31,7 +31,7 @@ class Opening(NamedTuple):
 
     module: str
     name: str
-    target: str
+    target: bytes
 
 
 class ByTime(msgspec.Struct, tag=True):
@@ -82,7 +82,7 @@ def main() -> None:
 def _answered(opening: Opening, asks: ByTime | ByNumber) -> Answer:
     try:
         connect: Callable[[str], Any] = getattr(import_module(opening.module), opening.name)
-        with closing(connect(opening.target)) as reader:
+        with closing(connect(unpacked(opening.target))) as reader:
             if isinstance(asks, ByTime):
                 return Answer(asked(reader, asks.session, asks.question))
             return Answer(_encode(told(reader, asks.session, asks.query, asks.position, asks.doubts)))

@@ -17,7 +17,7 @@ from oracle_server.history.sql.answering import Answer, ByNumber, ByTime, Openin
 from oracle_server.history.sql.database import Database
 from oracle_server.history.timeline import Question
 from oracle_server.history.views import Doubts
-from oracle_server.process.worker import Worker, WorkerError
+from oracle_server.process.worker import Worker, WorkerError, packed
 
 _WITHIN = 30.0
 """Seconds for an answer, a hundred times what the longest one takes."""
@@ -30,7 +30,7 @@ class Asking:
 
     def __init__(self, connect: Callable[[str], Database], target: str) -> None:
         """Ask about a database; `connect`, a function of a module, opens a connection to `target`."""
-        self._opening = Opening(connect.__module__, connect.__name__, target)
+        self._opening = Opening(connect.__module__, connect.__name__, packed(target))
         self._threads = Readers(1, 1, "history asking")
         self.worker = Worker(answering.__name__)
 
