@@ -7,7 +7,6 @@ import gc
 import io
 import os
 import sys
-import traceback
 from typing import Annotated, Any
 
 import typer
@@ -15,6 +14,7 @@ from typer.core import TyperGroup
 
 from oracle_server import __version__
 from oracle_server.cli import history, reading, replay, serving, specs, token
+from oracle_server.cli.unforeseen import unforeseen
 from oracle_server.core.errors import OracleError, one_line
 
 _CUT_OFF = 128 + 13
@@ -156,9 +156,7 @@ def _reason(error: Exception) -> str:
     if isinstance(error, MemoryError) or str(error) == _NO_THREAD:
         what = "memory is" if isinstance(error, MemoryError) else "threads are"
         return f"more {what} needed than there {what.split()[1]}, or than this user or container may have"
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    what = f"{type(error).__name__}: {error} ({frame.filename}:{frame.lineno})".replace("\n", " ")
-    return f"a defect of oracle-server, please report it: {what}; with PYTHONDEVMODE=1 its whole traceback is shown"
+    return unforeseen(error)
 
 
 def _fail(message: str) -> int:
