@@ -1,4 +1,4 @@
-"""The adapter where nodes find each other by a discovery server of Fast DDS, as on a TurtleBot 4."""
+"""The adapter where profiles of Fast DDS say how nodes find each other, as by a discovery server on a TurtleBot 4."""
 
 from __future__ import annotations
 
@@ -12,6 +12,12 @@ from tests.processes import held_port
 from tests.robot import spec_folder
 from tests.ros2.harness import Scene
 
+msg = pytest.importorskip("std_msgs.msg")
+
+# rclpy imports an old lark with its first node, and warns by functions of its own that are deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
 SPEC = """
 id: speed
 streams:
@@ -53,6 +59,27 @@ executor.add_node(rogue)
 executor.spin()
 """
 """In a process of their own: one that has known a discovery server never forgets it."""
+NUMBERED = """
+<profiles xmlns="http://www.eprosima.com"><participant profile_name="pilot" is_default_profile="true"><rtps>
+  <prefix>44.53.00.5f.45.50.52.4f.53.49.4d.42</prefix>
+</rtps></participant></profiles>
+"""
+PILOT = """
+import sys, time
+import rclpy
+from rclpy.duration import Duration
+from std_msgs.msg import Int64
+rclpy.init()
+node = rclpy.create_node("pilot")
+publisher = node.create_publisher(Int64, "/speed_mon", 10)
+while not publisher.get_subscription_count():
+    time.sleep(0.01)
+for number in map(int, sys.argv[1:]):
+    publisher.publish(Int64(data=number))
+publisher.wait_for_all_acked(Duration(seconds=60))
+print("said", flush=True)
+rclpy.shutdown()
+"""
 
 
 @pytest.mark.parametrize("super_client", ["", "False"])
@@ -70,4 +97,26 @@ def test_who_publishes_past_the_monitor_is_told_by_a_discovery_server(
         adapter = scene.adapter("speed")
         scene.run("peers", sys.executable, "-c", PEERS).said("heard 100")
         adapter.said("/speed: /rogue publishes /speed past the monitor")
+        adapter.ends_well()
+
+
+def test_a_node_that_is_started_again_under_the_numbers_of_before_is_heard(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A profile says by which numbers DDS knows it; its messages count from 1 again."""
+    profile = tmp_path / "pilot.xml"
+    profile.write_text(NUMBERED)
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        adapter = scene.adapter("speed")
+        peer = scene.peer()
+        heard = peer.record(msg.Int64, "/speed")
+        peer.until(lambda: peer.node.count_publishers("/speed"))
+        monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(profile))
+        for speeds in ([1, 2, 3, 4], [5, 6]):
+            before = len(heard)
+            pilot = scene.run("pilot", sys.executable, "-c", PILOT, *speeds)
+            peer.until(lambda before=before, speeds=speeds: len(heard) == before + len(speeds))
+            pilot.said("said")
+            assert pilot.wait() == 0
+        assert [said.data for said in heard] == [1, 2, 3, 4, 5, 6]
         adapter.ends_well()

@@ -49,6 +49,15 @@ def test_what_is_lost_or_comes_again_is_seen_by_the_numbers_of_each_publisher() 
     assert missed([*first, kilted(2, 1), kilted(2, 2)]) == [0, 0, 2, -1, -1, 0, 0]
 
 
+def test_a_publisher_that_begins_to_count_anew_is_not_taken_for_one_that_comes_again() -> None:
+    def at(published: int, number: int) -> dict[str, Any]:
+        return kilted(1, number) | {"source_timestamp": published}
+
+    assert missed([at(10, 5), at(20, 7), at(20, 7), at(10, 5), at(30, 1), at(40, 3), at(30, 1)]) == [
+        0, 1, -1, -1, 0, 1, -1,
+    ]  # fmt: skip
+
+
 def test_the_publishers_that_were_heard_last_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Over days many come and go."""
     monkeypatch.setattr(numbering, "MOST", 3)

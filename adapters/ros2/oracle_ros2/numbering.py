@@ -16,19 +16,21 @@ class Numbers:
     def __init__(self, on_new: Callable[[], None] = lambda: None) -> None:
         """`on_new` is called before the first message of each publisher is counted."""
         self._on_new = on_new
-        self._last: dict[str, int] = {}
+        self._last: dict[str, tuple[int, int]] = {}  # with the latest time at which it published (ns)
 
     def missed(self, source: str, info: Mapping[str, Any]) -> int:
         """How many messages of a publisher were lost just before this one, by its number; -1 where it is old.
 
-        0 where the middleware does not tell.
+        0 where the middleware does not tell. A node that was started again has the publisher of before where its
+        profile says by which numbers DDS knows it: what it published later is not old, though its number is lower.
         """
         number: int = info["publication_sequence_number"] if is_numbered(info) else 0
-        before = self._last.pop(source, None)
-        if before is None:
+        published: int = info["source_timestamp"]
+        before, latest = self._last.pop(source, (None, published))
+        if before is None or (number < before and published > latest):
             self._on_new()
             before = number - 1
-        self._last[source] = max(number, before)  # and who was heard last comes last
+        self._last[source] = max(number, before), max(published, latest)  # and who was heard last comes last
         if len(self._last) > MOST:
             del self._last[next(iter(self._last))]
         return max(-1, number - before - 1) if number else 0
