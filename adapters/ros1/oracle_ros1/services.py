@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Iterator, Optional
+from typing import Any, Iterator, Optional
 
 import rospy
 from oracle_adapter import TimeSource
@@ -17,34 +17,11 @@ from oracle_ros1.called import UNCONNECTED, CalledService
 from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
 from oracle_ros1.handshakes import MISCALLED
+from oracle_ros1.layout import screener
+from oracle_ros1.sent import as_sent, sent
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import misplaced, stamp_reader
 from oracle_ros1.unserved import UnservedService
-
-
-def _as_sent(service_type: Any) -> Any:
-    """A service's type whose messages are passed on byte for byte as they came, whatever is read of them.
-
-    Why one can't be read is its `unread`, else empty: of an exception here rospy would tell in a traceback.
-    """
-
-    def message(read: Any) -> Any:
-        def deserialize(self: Any, data: bytes) -> Any:
-            self.sent, self.unread = data, ""
-            try:
-                return read.deserialize(self, data)
-            except Exception as error:  # noqa: BLE001 - whatever another node sends
-                self.unread = str(error)
-                return self
-
-        def serialize(self: Any, buffer: Any) -> None:
-            buffer.write(self.sent)
-
-        return type(read.__name__, (read,), {"deserialize": deserialize, "serialize": serialize})
-
-    request, response = service_type._request_class, service_type._response_class  # noqa: SLF001 - genpy's own interface
-    classes = {"_request_class": message(request), "_response_class": message(response)}
-    return type(service_type.__name__, (service_type,), classes)
 
 
 class ProxiedService:
@@ -57,9 +34,10 @@ class ProxiedService:
         """Serve at once. Raises `CodecError`."""
         self._link, self._now, self._graph, self._name = shared.link, shared.now, shared.graph, service.name
         request, response = service.streams["request"], service.streams["response"]
-        self._type = _as_sent(installed_service(ros1_name(request["type"])))
-        self._request = _Side(shared, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
-        self._response = _Side(shared, response, self._type._response_class)  # noqa: SLF001
+        installed = installed_service(ros1_name(request["type"]))
+        self._request = _Side(shared, request, installed._request_class)  # noqa: SLF001 - genpy's own interface
+        self._response = _Side(shared, response, installed._response_class)  # noqa: SLF001
+        self._type = as_sent(installed, self._request.screen, self._response.screen)
         self.streams = [self._request, self._response]
         self.bypass = ""
         """Why calls did not reach the proxy at the last look."""
@@ -94,7 +72,7 @@ class ProxiedService:
 
     def _serve(self, request: Any) -> Any:
         if self._stopped:
-            return self._successor()(request)
+            return self._succeeded(request)
         call = next(self._calls)
         self._judge(self._request, request, call)
         try:
@@ -106,26 +84,28 @@ class ProxiedService:
         self._judge(self._response, response, call)
         return response
 
-    def _successor(self) -> Callable[[Any], Any]:
-        """What serves the proxy by another spec: whoever keeps a connection calls this one for ever.
+    def _succeeded(self, request: Any) -> Any:
+        """The response of what serves the proxy by another spec: whoever keeps a connection calls this one for ever.
 
-        Raises `ServiceException` where nothing does, or by another definition.
+        That reads other fields of the request, which is decoded anew for it. Raises `ServiceException` where nothing
+        serves the proxy, or by another definition.
         """
         found = get_service_manager().get_service(rospy.resolve_name(self._proxy))
         digest = self._type._md5sum  # noqa: SLF001 - genpy's own interface
         if found is None or found is self._service or found.service_class._md5sum != digest:  # noqa: SLF001
             raise rospy.ServiceException(f"the monitor of {self._name} has ended")
-        serve: Callable[[Any], Any] = found.handler
-        return serve
+        anew = found.service_class._request_class()  # noqa: SLF001
+        return found.handler(anew.deserialize(sent(request).data))
 
     def _judge(self, side: "_Side", message: Any, call: int) -> None:
         """Raise `ServiceException`, which is the client's, where this must not pass."""
-        if message.unread:
-            side.unreadable.add(message.unread)
-            raise rospy.ServiceException(f"the {side.kind} of {self._name} can't be read: {message.unread}")
+        unread = sent(message).unread
+        if unread:
+            side.unreadable.add(unread)
+            raise rospy.ServiceException(f"the {side.kind} of {self._name} can't be read: {unread}")
         # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = (side.stamp and side.stamp(message)) or self._now
-        data, lost = side.read(message), side.unreadable.take()
+        data, lost = side.data(message), side.unreadable.take()
         if side.passing is None:
             self._link.send(self._name, side.kind, stamp, data, call=call, lost=lost)
             return
@@ -143,7 +123,11 @@ class _Side:
         self.unreadable = Unreadable()
         if is_filtered(stream):
             self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
-        self.read = reader(message_type, stream["fields"], lookup_installed)
+        fields, stamps = stream["fields"], filter(None, [stream["stamp"]])
+        wanted = None if fields is None else [*fields, *stamps]
+        self.screen = screener(message_type, wanted, lookup_installed, shared.frame)
+        self._read = reader(message_type, fields, lookup_installed)
+        self._blank = " " * ((shared.frame or 0) + 1)
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else None
         what = f"the {self.kind} of {stream['type']}"
         unread = not_there(what, lacking(message_type, stream.get("reads") or (), lookup_installed))
@@ -151,6 +135,10 @@ class _Side:
         self._lacking = "; ".join(filter(None, (unread, no_time)))
         self.time_source: Optional[TimeSource] = "field" if self.stamp else "arrival"
         self.latency: Optional[int] = stream["latency"] if self.stamp else None
+
+    def data(self, message: Any) -> Any:
+        """What is read of a message; blanks where no frame holds that."""
+        return self._blank if sent(message).is_too_long else self._read(message)
 
     def troubles(self) -> Iterator[str]:
         """What its type lacks, and why something could not be read; also empty texts."""
