@@ -10,7 +10,7 @@ import pytest
 from oracle_adapter import unread
 from oracle_adapter.unread import TOLD_WITHIN, Unread
 
-from tests.ros2.harness import Peer, Scene
+from tests.ros2.harness import Peer, Scene, eventually
 
 relay = pytest.importorskip("oracle_ros2.relay")
 srv = pytest.importorskip("std_srvs.srv")
@@ -100,6 +100,22 @@ def test_an_answer_that_is_decided_on_is_waited_for_though_its_service_has_ended
         clock[0] += 2.1
     assert made.open == answers
     made.destroy()
+
+
+def test_calls_that_came_and_were_not_taken_are_answered_at_the_end_and_go_no_further(tmp_path: Any) -> None:
+    """Their clients would wait for ever."""
+    with Scene(tmp_path) as scene:
+        keeper, pilot, asked = scene.peer("keeper"), scene.peer("pilot"), list[Any]()
+        made = relay.Relay(keeper.node, srv.Trigger, "/led", "/led_mon", asked.append, nothing)
+        client = pilot.node.create_client(srv.Trigger, "/led_mon")
+        pilot.until(client.service_is_ready)
+        calls = [client.call_async(srv.Trigger.Request()) for _ in range(5)]  # the keeper never spins
+        for call in eventually(made.end, lambda left: len(left) == len(calls)):
+            assert made.reply(call, srv.Trigger.Response(message="denied"))
+        pilot.until(lambda: all(call.done() for call in calls), "a call is never answered")
+        assert [call.result().message for call in calls] == ["denied"] * 5
+        assert asked == []
+        made.destroy()
 
 
 def test_a_relay_in_another_s_place_numbers_its_calls_otherwise(peer: Peer) -> None:

@@ -140,9 +140,8 @@ class ProxiedAction:
 
     def stop(self) -> None:
         """Serve no more. Goals under way go on, and whoever waits for a result is told that it is unknown here."""
-        answers = bool(self._sending.open or self._results.open)
         self._feedback.behind.release()
-        goals, results = self._sending.open, self._results.open
+        goals, cancels, results = self._sending.end(), self._cancelling.end(), self._results.end()
         under_way = self._status.under_way if self._sending.is_there else 0
         for call in goals:
             if call.forwarded and self._cancelling.is_there:  # its client will believe it rejected
@@ -150,14 +149,14 @@ class ProxiedAction:
             self._reject(call)
         for call in results:
             self._results.reply(call, self._impl.GetResultService.Response(status=UNKNOWN))
-        for call in self._cancelling.open:
+        for call in cancels:
             self._keep(call)
         if under_way or results:
             self._board.error(
                 f"the monitor of {self.name} ends: {under_way} goals go on at the server, "
                 f"and {len(results)} calls that wait for results are told that these are unknown"
             )
-        if answers:
+        if goals or cancels or results:
             time.sleep(UNDERWAY)  # answers that have not arrived yet go with the service
         for relay in (self._sending, self._cancelling, self._results):
             relay.destroy()

@@ -42,6 +42,14 @@ def tell_unread(client: Any, unread: Callable[[str], None]) -> None:
     client.oracle_unread = unread
 
 
+def take_requests(service: Any, most: int) -> None:
+    """Take the requests of a service that have come by now, and of more than `most` only as many."""
+    take = _service(service)
+    for _ in range(most):
+        if not take():
+            break
+
+
 class Loop:
     """One node's callbacks. Only the thread that calls `turn` makes and destroys what it waits for."""
 
@@ -95,7 +103,7 @@ class _Entity(NamedTuple):
     kind: str
     handle: Any
     add: Callable[[Any], int]
-    take: Callable[[], None]
+    take: Callable[[], object]
 
 
 def _timer(timer: Any) -> Callable[[], None]:
@@ -162,19 +170,20 @@ def _client(client: Any) -> Callable[[], None]:
     return take
 
 
-def _service(service: Any) -> Callable[[], None]:
+def _service(service: Any) -> Callable[[], bool]:
     handle, kind, callback = service.handle, service.srv_type, service.callback
 
-    def take() -> None:
+    def take() -> bool:
+        """Take one request; False where there is none."""
         try:
             with handle:
                 request, header = handle.service_take_request(kind.Request)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             if isinstance(callback, Later):
                 callback.unread(str(error) or type(error).__name__)
-            return
+            return True
         if header is None:
-            return
+            return False
 
         def reply(response: Any) -> None:
             send(service, response, header)
@@ -183,11 +192,12 @@ def _service(service: Any) -> Callable[[], None]:
             callback.take(request, reply)
         else:
             reply(callback(request, kind.Response()))
+        return True
 
     return take
 
 
-_TAKES: dict[str, Callable[[Any], Callable[[], None]]] = {
+_TAKES: dict[str, Callable[[Any], Callable[[], object]]] = {
     "timer": _timer,
     "subscription": _subscription,
     "client": _client,

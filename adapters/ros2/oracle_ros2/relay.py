@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 
 from oracle_ros2.calltypes import CallTypes
 from oracle_ros2.graph import servers
-from oracle_ros2.loop import Later, tell_unread
+from oracle_ros2.loop import Later, take_requests, tell_unread
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -75,6 +75,7 @@ class Relay:
         self._away: float | None = None  # since when the service has not been there (s)
         self._patience, self._pause = discovery, pause
         self._requests, self._responses = Unreadable(), Unreadable()
+        self._ends = False
         self._served = node.resolve_service_name(served)
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
         self._service = node.create_service(
@@ -159,6 +160,15 @@ class Relay:
             yield f"a response of {self._served} can't be read, and its caller gets none: {why}"
         yield from self._types.troubles()
 
+    def end(self) -> list[Call]:
+        """Let nothing more go on; returns the calls without an answer, with those that came and were not taken yet.
+
+        Of these clients would wait for ever.
+        """
+        self._ends = True
+        take_requests(self._service, CALLS.depth)
+        return self.open
+
     def destroy(self) -> None:
         """Serve no more."""
         self._node.destroy_service(self._service)
@@ -168,7 +178,8 @@ class Relay:
         call = Call(next(self._calls), request, reply, self._requests.take())
         with self._lock:
             self._open[call.number] = call
-        self._on_request(call)
+        if not self._ends:
+            self._on_request(call)
 
     def _go_on(self) -> None:
         """Call the service for those that wait, as long as it is there and has few to read."""

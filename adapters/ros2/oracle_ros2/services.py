@@ -57,7 +57,7 @@ class ProxiedService:
 
     def stop(self) -> None:
         """Serve no more; calls without an answer get `denied_response`, whatever is decided on them later."""
-        left = self._relay.open
+        left = self._relay.end()
         self._give_up(left, f"the monitor of {self.name} ends")
         if left:
             time.sleep(UNDERWAY)  # answers that have not arrived yet go with the service
