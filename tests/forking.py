@@ -30,6 +30,7 @@ STRICT = {
 _AT_START = re.compile("PYTHON|LC_|LANG|LD_|TZ|MALLOC")
 """Begins the names of variables that the start of a Python sees."""
 _LONGEST = 1_000_000
+_SPECS = Path(__file__).parent / "whole" / "specs"
 IMPORTED = (
     "oracle_server.api.app", "oracle_server.server", "oracle_server.replay.many.command",
     # what is imported only where it is needed
@@ -176,11 +177,13 @@ if __name__ == "__main__":
 
     for name in IMPORTED:
         importlib.import_module(name)
+    from oracle_server.api.openapi import description
     from oracle_server.cli.commands import main
-    from oracle_server.core.formula.parse import parse_formula
+    from oracle_server.specfiles.load import load_spec
 
-    parse_formula("{a: 1}", "steps")  # a parser takes long to make
-    parse_formula("{a: 1}", "seconds")
+    for path in _SPECS.glob("*.yaml"):  # what the first one needs takes long to make, such as parsers
+        load_spec(path)
+    description()  # as do the first routes
     gc.freeze()
     _prelude = _serve(socket.socket(fileno=os.dup(0)))
     if _prelude is not None:

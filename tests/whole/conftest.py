@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
+import re
 import shutil
+import sys
 import threading
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
+from types import ModuleType
 from typing import Protocol
 
 import pytest
@@ -65,10 +69,21 @@ def session(name: Callable[[], str]) -> str:
     return name()
 
 
+def named_specs(module: ModuleType) -> set[str]:
+    """The ids of the tests' specs that a module's text has, or that of another one of the tests that it imports from.
+
+    To read all of them takes a server longer than the rest of its start.
+    """
+    theirs = {getattr(value, "__module__", None) for value in vars(module).values()}
+    modules = [module, *(sys.modules[name] for name in theirs if name is not None and name.startswith("tests."))]
+    words = {word for each in modules for word in re.findall(r"\w+", inspect.getsource(each))}
+    return words & {path.stem for folder in SPECS for path in folder.glob("*.yaml")}
+
+
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Starts]:
-    """Starts servers of the test's own, one after the other, over the same history."""
-    specs = copy_specs(tmp_path / "specs")
+def start(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Starts]:
+    """Starts servers of the test's own, one after the other, over the same history; with the specs that it names."""
+    specs = copy_specs(tmp_path / "specs", named_specs(request.module))
     with ExitStack() as servers:
 
         def started(**settings: str) -> Server:
