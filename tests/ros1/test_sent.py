@@ -1,13 +1,18 @@
-"""The messages of services as proxies have them: passed on as they came, and decoded as far as anything reads them."""
+"""The messages of services and actions: passed on as they came, and decoded as far as anything reads them."""
 
 from __future__ import annotations
 
 from io import BytesIO
+from types import SimpleNamespace
 from typing import Any
 
 import genpy.dynamic
 import pytest
+import rospy
+from nav_msgs.msg import GetMapActionResult
 from nav_msgs.srv import GetMap, GetMapRequest, GetMapResponse
+from oracle_adapter import dumps
+from oracle_ros1.actionmessages import ActionStream, ActionTypes
 from oracle_ros1.definitions import lookup_installed
 from oracle_ros1.layout import screener
 from oracle_ros1.sent import Sent, as_sent, sent
@@ -38,6 +43,33 @@ def test_a_map_in_a_response_is_not_decoded_where_nothing_reads_it_or_no_frame_h
     given = BytesIO()
     response.serialize(given)
     assert given.getvalue() == came
+
+
+@pytest.mark.parametrize(
+    ("fields", "read", "large"),
+    [
+        (["map.info.width"], {"map": {"info": {"width": 1000}}}, False),
+        ([], {}, False),
+        (["map.data"], None, True),
+        (None, None, True),
+    ],
+)
+def test_a_map_in_a_result_is_not_decoded_where_nothing_reads_it_or_no_frame_holds_it(
+    fields: list[str] | None, read: Any, large: bool
+) -> None:
+    answer, message = GetMapActionResult(), rospy.AnyMsg()
+    answer.status.goal_id.id, answer.result.map.info.width = "one", 1000
+    answer.result.map.data = [7] * 1_000_000
+    message._connection_header = {"type": answer._type, "md5sum": answer._md5sum}
+    message._buff = raw(answer)
+    stream = {"name": "/map", "kind": "result", "type": "nav_msgs/GetMap", "action": "log", "stamp": None, "latency": 0}
+    types = ActionTypes("nav_msgs/action/GetMap", {"result": stream | {"fields": fields}}, FRAME)
+    shared: Any = SimpleNamespace(now=lambda: 1, frame=FRAME)
+    made = ActionStream(shared, stream | {"fields": fields}, types, proxied=True)
+    result = types.decoded("result", message)
+    assert (result.status.goal_id.id, len(result.result.map.data)) == ("one", 0)
+    data = made.data(result, result.result)
+    assert len(dumps(data)) > FRAME if large else data == read
 
 
 def test_what_is_known_of_a_message_is_none_of_its_fields() -> None:

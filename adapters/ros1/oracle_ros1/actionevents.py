@@ -41,7 +41,7 @@ class ActionEvents:
     def __init__(self, shared: Shared, action: Interface, *, proxied: bool) -> None:
         """Raises `CodecError` where the action's type is not installed."""
         described = list(action.streams.values())
-        self.types = ActionTypes(described[0]["type"])
+        self.types = ActionTypes(described[0]["type"], action.streams, shared.frame)
         self.name = action.name
         made = [ActionStream(shared, stream, self.types, proxied=proxied) for stream in described]
         self.streams: Dict[str, ActionStream] = {stream.kind: stream for stream in made}
@@ -93,7 +93,7 @@ class ActionEvents:
         if kind in self._lost:
             with self._replying:
                 more["lost"] = self._lost[kind].take()
-        return Event(stream.stamp(message, found), stream.data(found), more)
+        return Event(stream.stamp(message, found), stream.data(message, found), more)
 
     def send(self, kind: str, event: Event) -> None:
         """Report an event that nobody is asked about."""
@@ -129,7 +129,7 @@ class ActionEvents:
                 return
             stamp = {"sec": header.stamp.secs, "nanosec": header.stamp.nsecs}
             stream = self.streams["reply"]
-            data = stream.data({"accepted": verdict, "stamp": stamp})
+            data = stream.data(None, {"accepted": verdict, "stamp": stamp})
             said = "accepted" if verdict else "rejected"
             self._link.send(
                 self.name, "reply", stream.stamp(None, None), data,

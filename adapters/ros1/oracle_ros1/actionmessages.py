@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Mapping, Optional
+from typing import Any, Callable, Dict, Iterable, Mapping, Optional
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatusArray
@@ -16,6 +16,7 @@ from oracle_adapter.passing import Passing
 
 from oracle_ros1.codec import CodecError, lacking, reader
 from oracle_ros1.definitions import lookup_installed, ros1_name
+from oracle_ros1.layout import screener
 from oracle_ros1.observed import Header, header_of
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import misplaced, stamp_reader
@@ -28,25 +29,45 @@ LONGEST = 255
 class ActionTypes:
     """The classes of an action's messages: those of the five topics, and those inside."""
 
-    def __init__(self, name: str) -> None:
-        """`name` is that of the action's type, as `pkg/action/Type` or `pkg/Type`. Raises `CodecError`."""
+    def __init__(self, name: str, streams: Mapping[str, Stream], frame: Optional[int] = None) -> None:
+        """`name` is that of the action's type, as `pkg/action/Type` or `pkg/Type`. Raises `CodecError`.
+
+        `streams`: what is read of each kind. `frame`: as in `Shared`.
+        """
         name = ros1_name(name)
         self.topics: Dict[str, Any] = {"cancel": GoalID, "status": GoalStatusArray}
         self.inner: Dict[str, Any] = {"cancel": GoalID}
         for kind in ("goal", "feedback", "result"):
             self.topics[kind] = _installed(name, kind)
             self.inner[kind] = lookup_installed(f"{name}{kind.capitalize()}")
+        self._screens = {
+            kind: screener(self.topics[kind], _wanted(kind, streams.get(kind)), lookup_installed, frame)
+            for kind in ("goal", "feedback", "result")
+        }
+        self._made = {kind: type(made.__name__, (made,), {}) for kind, made in self.topics.items()}
         self._statuses = ArrayReader()
 
     def decoded(self, kind: str, message: rospy.AnyMsg) -> Any:
-        """A message of a topic; a status as a `StatusArray`. Raises `CodecError` with the node whose it is."""
+        """A message of a topic; a status as a `StatusArray`. Raises `CodecError` with the node whose it is.
+
+        A goal, feedback or a result lacks the items of lists that nothing reads, or that no frame holds; whether there
+        is such a long one is its `is_too_long`.
+        """
         self.check(kind, header_of(message))
         try:
             if kind == "status":
                 return self._statuses.read(message)
-            return self.topics[kind]().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
+            return self._read(kind, message._buff)  # noqa: SLF001 - rospy's own interface
         except Exception as error:  # whatever another node sends
             raise CodecError(f"{_node(header_of(message))} publishes what can't be read: {error}") from error
+
+    def _read(self, kind: str, came: bytes) -> Any:
+        if kind == "cancel":
+            return GoalID().deserialize(came)
+        screened, is_too_long = self._screens[kind](came)
+        found = self._made[kind]().deserialize(screened)
+        found.is_too_long = is_too_long
+        return found
 
     def check(self, kind: str, header: Header) -> None:
         """Raise `CodecError` where a publisher's messages can't be those of a topic."""
@@ -73,8 +94,7 @@ class ActionStream:
             self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
         inner, outer, path = types.inner.get(self.kind), types.topics.get(self.kind), stream["stamp"]
         self._now = shared.now
-        self.data = _reader(inner, stream)
-        """What is read of a message inside its envelope."""
+        self._read, self._blank = _reader(inner, stream), " " * ((shared.frame or 0) + 1)
         named = stamp_reader(inner, path) if inner and path else None
         sent = stamp_reader(outer, "header.stamp") if outer and not proxied else None
         self._stamp: Optional[Callable[[Any, Any], Optional[int]]] = None
@@ -89,6 +109,10 @@ class ActionStream:
             self.trouble = self.trouble or not_there(f"the {self.kind} of {stream['type']}", unread)
         self.time_source: TimeSource = "field" if self._stamp else "arrival"
         self.latency: Optional[int] = stream["latency"] if self._stamp else None
+
+    def data(self, message: Any, found: Any) -> Any:
+        """What is read of what is inside a message; blanks where no frame holds that."""
+        return self._blank if getattr(message, "is_too_long", False) else self._read(found)
 
     def stamp(self, message: Any, found: Any) -> Stamp:
         """The time of a message, by what is inside it or by itself; or what reads the clock as it is queued."""
@@ -109,6 +133,14 @@ def _installed(name: str, kind: str) -> Any:
 
 def _node(header: Header) -> str:
     return header.get("callerid", "an unknown node")
+
+
+def _wanted(kind: str, stream: Optional[Stream]) -> Optional[Iterable[str]]:
+    """The dotted paths into a topic's messages that are read of them; None for all."""
+    if stream is None:
+        return []
+    fields, stamps = stream["fields"], filter(None, [stream["stamp"]])
+    return None if fields is None else [f"{kind}.{path}" for path in (*fields, *stamps)]
 
 
 def _reader(inner: Any, stream: Stream) -> Callable[[Any], Any]:
