@@ -42,7 +42,7 @@ export function sessionView(address, again, anew) {
   const violations = violationsView(id, again);
   const lower = { chart: whileInView(chart.node), violations: whileInView(violations.node) };
   const link = linkButton(() => at(id, n, timeline.seen()));
-  const node = h("div", { class: "session", onkeydown: pressed },
+  const node = h("div", { class: "session opening", onkeydown: pressed },
     h("div", { class: "title" }, h("h1", {}, id), head.node, link), now.node,
     h("div", { class: "beside" }, timeline.node, verdict.node,
       h("div", { class: "details" },
@@ -64,20 +64,26 @@ export function sessionView(address, again, anew) {
     }
     spec ??= await specOf(state);
     const { formulas, thresholds } = spec ?? UNKNOWN;
-    head.show({ ...headline(state, found, episodes.first()), changed: spec?.changed, silent: silence(state, timeline.last()) }, (shown) => headed(shown, visit));
+    const tell = () => head.show({ ...headline(state, found, episodes.first()), changed: spec?.changed, silent: silence(state, timeline.last()) }, (each) => headed(each, visit));
+    tell();
     properties.show({ id, spec: formulas, states: state.properties, clock: state.clock }, propertyTable);
     settle();
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
     const drawn = timeline.refresh(state, thresholds, found);
     const past = () => !state.live || state.kind === "recording" || silence(state, timeline.last()) !== null; // whether the newest step is not of now
     const parts = await Promise.allSettled([
-      drawn, drawn.catch(() => {}).then(() => now.refresh(state, found, timeline.last(), past())), // which says what it can without
+      drawn, drawn.catch(() => {}).then(tell).then(() => now.refresh(state, found, timeline.last(), past())).finally(shown), // these say what they can without
       verdict.refresh(state), lower.violations(() => violations.refresh(state)),
     ]);
     list.show(found, state, timeline.last());
     await lower.chart(() => chart.refresh(state));
     bar.show();
     for (const { reason } of parts) if (reason) throw reason;
+  }
+
+  /** Show what is below the head: what comes above it later would move a button away while it is pressed. */
+  function shown() {
+    node.classList.remove("opening");
   }
 
   async function standing() {
