@@ -35,6 +35,23 @@ async def test_what_a_robot_says_is_text_and_never_a_page(server: Server, sessio
     assert await page.locator("main img, main script").count() == 0
 
 
+async def test_no_text_is_told_in_another_order_or_looks_like_another(server: Server, session: str, page: Page) -> None:
+    """What stands behind such a character was told from right to left, and `go` with one in it looked like `go`."""
+    text = (
+        f"id: {session}\nstreams: [{{topic: /a, signals: {{v: msg.v}}}}]\n"
+        "properties: [{id: p, formula: 'not {v: *}'}]\n"
+    )
+    server.http.put(f"/api/v1/specs/{session}", content=text.encode()).raise_for_status()
+    async with attached(server, session=session, spec=session) as monitor:
+        await monitor.send(make_event(1, at=1, data={"v": "\u202eg\u200bo"}, source="/nav\u2066\x1b"))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}?n=1")
+        await page.get_by_text("signals of the event").click()
+        await expect(page.locator("dl").last).to_contain_text(r"\u202eg\u200bo")
+        await expect(page.locator(".sequence")).to_contain_text(r"/nav\u2066\u001b")
+        assert not set("\u202e\u200b\u2066\x1b") & set(await page.locator("main").inner_text())
+
+
 async def test_the_description_of_the_api_is_drawn_within_its_policy(server: Server, page: Page) -> None:
     answer = await page.goto(f"{server.url}/docs")
     assert answer
