@@ -162,7 +162,7 @@ function offset(time, first) {
 }
 
 function runsOf({ lanes, first }, name, most) {
-  if (!lanes?.lanes[name]) return [];
+  if (!lanes || !Object.hasOwn(lanes.lanes, name)) return []; // a property may have the name of what any object has: constructor
   const runs = [];
   const begin = offset(lanes.since, first);
   [...lanes.lanes[name]].forEach((letter, i) => {

@@ -16,7 +16,7 @@ import { violationsView } from "./violations.js";
 import { badge, byGravity, count, counted, life, moment, ordered, place, span, stream } from "./words.js";
 
 const TROUBLES = 3; // streams of which it is said at the head what is wrong with them
-const UNKNOWN = { formulas: {}, thresholds: [] }; // of a spec
+const UNKNOWN = { formulas: Object.create(null), thresholds: [] }; // of a spec
 const LONG = 120_000; // ms without a step, from which on it is said
 const SETTLED = 400; // ms after the last move until the address says what is in view
 const PARTS = { Now: ".now", Time: ".time", Why: ".verdict", Sequence: ".sequence", More: ".details" };

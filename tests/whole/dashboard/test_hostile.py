@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,28 @@ async def test_no_text_is_told_in_another_order_or_looks_like_another(server: Se
         await expect(page.locator("dl").last).to_contain_text(r"\u202eg\u200bo")
         await expect(page.locator(".sequence")).to_contain_text(r"/nav\u2066\u001b")
         assert not set("\u202e\u200b\u2066\x1b") & set(await page.locator("main").inner_text())
+
+
+async def test_properties_have_names_of_what_any_object_has(
+    server: Server, session: str, name: Callable[[], str], page: Page
+) -> None:
+    """`constructor` was looked up in a session that has no such property, and found: the page stayed empty."""
+    properties = "".join(f"  - {{id: {each}, formula: 'not {{v: *}}'}}\n" for each in ("constructor", "__proto__"))
+    text = f"id: {session}\nstreams: [{{topic: /a, signals: {{v: msg.v}}}}]\nproperties:\n{properties}"
+    server.http.put(f"/api/v1/specs/{session}", content=text).raise_for_status()
+    other = name()
+    async with (
+        attached(server, session=session, spec=session) as monitor,
+        attached(server, session=other, spec="single") as plain,
+    ):
+        for each in (monitor, plain):
+            await each.send(make_event(1, at=1, data={"v": 1}))
+            await each.acked(1)
+        for address in (f"#/sessions/{session}?n=1", f"#/compare/{session}/{other}", f"#/compare/{other}/{session}"):
+            await page.goto(f"{server.url}/{address}")
+            await expect(page.locator("main").get_by_text("constructor").first).to_be_visible()
+            await expect(page.locator("main").get_by_text("__proto__").first).to_be_visible()
+            await expect(page.get_by_role("status")).to_have_text("connected")
 
 
 async def test_the_description_of_the_api_is_drawn_within_its_policy(server: Server, page: Page) -> None:

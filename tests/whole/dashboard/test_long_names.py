@@ -43,6 +43,11 @@ async def test_long_names_are_read_to_their_ends(
         assert await steps.first.evaluate("cell => cell.scrollWidth <= cell.clientWidth")
         episodes = page.locator(".details .episodes")
         assert await episodes.locator("td:first-child").first.evaluate("cell => cell.scrollWidth <= cell.clientWidth")
+        await page.goto(f"{server.url}/#/compare/{long}/{long}")
+        await expect(page.locator("table.compared")).to_be_visible()
+        assert await page.locator("section.compared").evaluate("box => box.scrollWidth <= box.clientWidth"), (
+            "none is cut off"
+        )
         await page.goto(f"{server.url}/#/?q={long}")
         row = page.locator(".sessions tbody tr.wrong")
         await expect(row).to_have_count(1)
