@@ -58,6 +58,12 @@ class Receiver(NamedTuple):
     what: frozenset[What]
     secret: bytes
 
+    @property
+    def host(self) -> str:
+        """The address up to its path: what is behind it is often a secret itself."""
+        parts = urlsplit(self.url)
+        return f"{parts.scheme}://{parts.netloc}"
+
 
 def load_receivers(path: Path, environment: Mapping[str, str] = os.environ) -> list[Receiver]:
     """The receivers of a file. Raises `SettingsError` with every mistake, and where."""

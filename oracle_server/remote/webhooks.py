@@ -124,7 +124,8 @@ class _Courier:
     def end(self, within: float) -> None:
         self._thread.join(within)
         if self._queue:
-            log.warning("alarms are not sent any more: the server stops", url=self.receiver.url, count=len(self._queue))
+            count = len(self._queue)
+            log.warning("alarms are not sent any more: the server stops", receiver=self.receiver.host, count=count)
 
     def _run(self) -> None:
         waiting = _Waiting()
@@ -163,7 +164,8 @@ class _Courier:
     def _drop(self, reason: str) -> None:
         self.dropped += 1
         if count := self._seldom.due("dropped"):
-            log.warning("alarms are dropped", url=self.receiver.url, reason=reason, count=count, in_all=self.dropped)
+            where, in_all = self.receiver.host, self.dropped
+            log.warning("alarms are dropped", receiver=where, reason=reason, count=count, in_all=in_all)
 
 
 class _Waiting:

@@ -102,6 +102,20 @@ def test_who_is_away_for_long_loses_alarms_and_is_tried_with_the_next(receiver: 
         until(lambda: webhooks.dropped == 1)
 
 
+def test_the_log_has_no_more_of_an_address_than_its_host(
+    receiver: Receiving, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is behind it lets anybody write to a chat."""
+    receiver.answers = [400]
+    with hooks(f"{receiver.url}/T000/s3cret?key=s3cret") as webhooks:
+        webhooks.send({"alarm": "violation"})
+        until(lambda: webhooks.dropped == 1)
+    said = capsys.readouterr().out
+    assert "alarms are dropped" in said
+    assert "127.0.0.1" in said
+    assert "s3cret" not in said
+
+
 def test_what_a_slow_receiver_leaves_has_an_end(receiver: Receiving) -> None:
     receiver.held.clear()
     with hooks(receiver.url) as webhooks:
