@@ -27,6 +27,7 @@ from oracle_server.core.formula.tree import (
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import ANYTHING, Range
+from oracle_server.core.shapes import UNIT
 from oracle_server.core.signals import is_signal
 
 Claim = Literal["never", "met", "apart", "related", "unrelated", "idle", "spanned", "true", "false"]
@@ -213,7 +214,7 @@ def _mend(constraint: Constraint, found: Range) -> str:
     key, op = constraint.key, ":" if constraint.op == "==" else f" {constraint.op}"
     numbers = found.has_numbers
     if constraint.op not in ("==", "!="):
-        return "" if numbers else "; texts and Booleans are neither smaller nor larger than a number"
+        return _mend_order(found)
     near = _near(wanted, found)
     if near is not None:
         return f"; write `{key}{op} {_literal(near)}`"
@@ -222,6 +223,12 @@ def _mend(constraint: Constraint, found: Range) -> str:
     if numbers and isinstance(wanted, str):
         return f"; {_literal(wanted)} is a text: write the number that it stands for"
     return ""
+
+
+def _mend_order(found: Range) -> str:
+    if found.limits == UNIT:
+        return "; a part of a quaternion is no angle: the cookbook has tilt and heading"
+    return "" if found.has_numbers else "; texts and Booleans are neither smaller nor larger than a number"
 
 
 def _near(wanted: Scalar, found: Range) -> Scalar | None:

@@ -15,7 +15,7 @@ from oracle_server.core.expression import Literal as Written
 from oracle_server.core.expression import Span, parse_expression, results
 from oracle_server.core.formula.tree import Any as AnyValue
 from oracle_server.core.formula.tree import Constraint, Limit, Ref, Scalar, Signal
-from oracle_server.core.shapes import WHOLE_NUMBERS, Record, Value
+from oracle_server.core.shapes import UNIT, WHOLE_NUMBERS, Record, Value
 from oracle_server.core.signals import is_signal
 
 ValueKind = Literal["text", "number", "boolean"]
@@ -149,7 +149,7 @@ def range_of_field(value: Value | None) -> Range:
         case "bool":
             return BOOLEAN
         case "real":
-            return NUMBER
+            return Range(frozenset({"number"}), limits=UNIT) if value.unit else NUMBER
         case "whole":
             return Range(whole=WHOLE_NUMBERS.get(value.type, _INTEGERS))
         case _:

@@ -14,12 +14,14 @@ ValueKind = Literal["whole", "real", "bool", "text", "bytes"]
 class Value:
     """A field with one value; `type` is what the message's definition calls it, as `float32`.
 
-    `may_be_list`: it is one on ROS 1, and which ROS it is of is not known.
+    `may_be_list`: it is one on ROS 1, and which ROS it is of is not known. `unit`: it is from -1 to 1, as a part of a
+    quaternion that turns things.
     """
 
     kind: ValueKind
     type: str
     may_be_list: bool = False
+    unit: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,8 @@ WHOLE_NUMBERS: Mapping[str, tuple[int, int]] = {
 """The least and the largest number of each type of whole ones."""
 
 
+UNIT: tuple[float, float] = (-1, 1)
+"""The least and the largest number of a part of a quaternion."""
 _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 
 

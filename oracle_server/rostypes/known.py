@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -23,6 +24,7 @@ _KINDS: Mapping[str, ValueKind] = {
 }  # fmt: skip
 _BYTES = frozenset({"uint8", "char", "byte"})
 _TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
+_QUATERNION = "geometry_msgs/msg/Quaternion"
 _DEEPEST = 64
 _BELONGS = {
     "msg": ("a message", "topic"), "srv": ("a service", "service"), "action": ("an action", ACTION)
@@ -89,6 +91,8 @@ class Types:
         shapes = {field: self._shape(kind, ros, which, (*around, name)) for field, kind in fields.items()}
         if name in _TIMES and (ros == 1 or (ros is None and which == "any")):
             shapes |= {"secs": Value("whole", "int32"), "nsecs": Value("whole", "int32")}
+        if name == _QUATERNION:
+            shapes = {f: replace(of, unit=True) if isinstance(of, Value) else of for f, of in shapes.items()}
         return Record(_written(name), shapes)
 
     def _shape(self, kind: str, ros: Ros | None, which: _Of, around: tuple[str, ...]) -> Shape:

@@ -27,7 +27,7 @@ from oracle_server.core.expression.tree import (
     key_of,
     walk,
 )
-from oracle_server.core.shapes import WHOLE_NUMBERS, Many, Value
+from oracle_server.core.shapes import UNIT, WHOLE_NUMBERS, Many, Value
 
 Known = Callable[[Node], Static]
 """What is known of the value of a part."""
@@ -158,7 +158,7 @@ def _typed(static: Static) -> Span | None:
     if not is_number(static):
         return None
     if kind(static) == "real":
-        return REAL
+        return Span(*UNIT) if isinstance(static, Value) and static.unit else REAL
     if isinstance(static, Value) and static.type in WHOLE_NUMBERS:
         return Span(*WHOLE_NUMBERS[static.type], whole=True, named=static.type)
     return WHOLE
