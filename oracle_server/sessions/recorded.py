@@ -17,6 +17,7 @@ from oracle_server.history.records import Document, SessionRecord, StoredStep
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.committed import committed
 from oracle_server.sessions.endings import end_of
+from oracle_server.sessions.leftopen import left_open
 from oracle_server.sessions.shares import Share
 from oracle_server.sessions.unrestored import bare
 
@@ -111,14 +112,24 @@ async def cut_off(record: SessionRecord, history: History, now: int) -> Document
 
 
 async def _by_rows(history: History, record: SessionRecord, told: Document) -> Document:
-    """What the rows tell of its state; nothing where they can't be read. Raises `UnansweredError`."""
+    """What the rows tell of its state, and of its open episodes, which end with it; nothing where they can't be read.
+
+    Raises `UnansweredError`.
+    """
     try:
-        return await committed(history, record, told)
+        found = await committed(history, record, told)
+        if episodes := await left_open(history, record):
+            history.append(record.number, [], _nothing, [], episodes)
+        return found  # noqa: TRY300 -- it is of what may fail
     except UnansweredError:
         raise
     except HistoryError as error:
         log.warning("how a recording was judged can't be read", session=record.id, reason=str(error))
         return {}
+
+
+def _nothing() -> None:
+    """It is committed before the session is closed."""
 
 
 def _set(closed: asyncio.Future[None]) -> None:

@@ -13,6 +13,7 @@ import structlog
 
 from oracle_server.core.errors import UnansweredError
 from oracle_server.core.plan import Plan
+from oracle_server.history.episodes import EpisodeQuery
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import Done
 from oracle_server.history.records import Document, SessionRecord
@@ -20,11 +21,12 @@ from oracle_server.process.clock import Clock
 from oracle_server.review.restore import Restored, restore
 from oracle_server.sessions import plans as plans_module
 from oracle_server.sessions import registry as registry_module
-from oracle_server.sessions.recorded import CUT_OFF
+from oracle_server.sessions.recorded import CUT_OFF, cut_off
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
+from tests.history.backends import BACKENDS, Make
 from tests.processes import PATIENCE
 from tests.sessions.making import GUARD, Kept, attach, event, registry
 
@@ -216,6 +218,32 @@ async def test_the_session_of_a_recording_that_was_cut_off_is_known_while_it_is_
     assert second.unrestored == {}
     assert await second.state("one") == before
     assert [state["id"] for state in await second.states()].count("one") == 1
+
+
+@pytest.mark.usefixtures("within")
+@pytest.mark.parametrize("backend", BACKENDS)
+async def test_what_was_wrong_when_a_recording_was_cut_off_was_so_until_its_last_row(
+    backend: str, make: Make, tmp_path: Path
+) -> None:
+    history = make(backend)
+    first = registry(history, tmp_path, GUARD)
+    live, monitor = await first.attach(attach("one", "guard"), Kept())
+    for seq, speed in enumerate((1, 9, 8, 7), 1):
+        live.ingest(monitor, event(seq, speed=speed))
+    live.ledger.write()
+    await first.flush()
+    (row,) = [step async for page in history.steps(live.number, 3) for step in page]
+    record = await history.session(live.number)
+    assert record is not None
+    state = await cut_off(record, history, live.clock.now())
+    history.close_session(live.number, live.clock.now(), state, lambda: None)
+    await first.flush()
+    ((episode,), _) = await history.episodes(EpisodeQuery(session=live.number))
+    assert (episode["open"], episode["first"], episode["last"]) == (False, 2, 4)
+    assert episode["until"] == row.step.time
+    assert episode["worst"] is not None
+    assert (episode["count"], bool(episode["explanation"])) == (1, True)
+    await asyncio.to_thread(history.close)
 
 
 @pytest.mark.usefixtures("within")
