@@ -100,7 +100,12 @@ def paged(
     until: Nanoseconds = None,
     after: Number | None = None,
     limit: Annotated[
-        int, Query(ge=1, le=1000, description="Records in one answer; `next` is the `after` of the following page")
+        int,
+        Query(
+            ge=1,
+            le=1000,
+            description="Records in one answer, fewer where they are long; `next` is the `after` of the following page",
+        ),
     ] = 100,
     order: Annotated[Literal["asc", "desc"], Query(description="The oldest or the newest first")] = "asc",
 ) -> Question:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 from oracle_server.history.query import Query
@@ -10,6 +11,8 @@ from oracle_server.history.records import SessionRecord, StoredStep
 from oracle_server.history.views import Doubts, records
 from oracle_server.wire.json import encode_bytes
 
+MOST_BYTES = 2**21
+"""A page has no more records behind the one by which it has so many bytes: it is copied while decisions wait."""
 Take = Callable[[StoredStep], bool]
 """Takes a step that may hold a wanted record; whether there is room for more."""
 
@@ -27,13 +30,25 @@ def told(session: SessionRecord, query: Query, doubts: Doubts | None, look: Call
     `look` gives steps that may hold them, until there is no room, and returns the position behind the last one.
     """
     found: list[tuple[int, bytes]] = []
+    size = 0  # of all but the last one
+
+    def has_room() -> bool:
+        return len(found) <= query.limit and size < MOST_BYTES
 
     def take(step: StoredStep) -> bool:
+        nonlocal size
         made = records(step, session.properties, query.view, doubts)
         for record in made[:: 1 if query.ascending else -1]:
-            if len(found) <= query.limit and query.matches(record):
+            if has_room() and query.matches(record):
+                size += len(found[-1][1]) if found else 0
                 found.append((record["n"], encode_bytes(record)))
-        return len(found) <= query.limit
+        return has_room()
 
     position = look(take)
     return Told(found, position)
+
+
+def page_size(found: Sequence[tuple[int, bytes]], limit: int) -> int:
+    """How many of some records are a page: as many as are wanted, or fewer where these are long."""
+    totals = accumulate(len(text) for _, text in found)
+    return min(limit, next((count for count, total in enumerate(totals, 1) if total >= MOST_BYTES), limit))

@@ -22,6 +22,7 @@ from oracle_server.history.readers import THREADS, Readers, reading_for
 from oracle_server.history.records import MonitorRecord, SnapshotRecord, StoredStep
 from oracle_server.history.sql import matching, writer
 from oracle_server.history.sql.batch import Work, write
+from oracle_server.history.sql.reader import FIRST_PAGE
 from oracle_server.history.sql.rows import step_row
 from oracle_server.history.sql.statements import AMEND, ASKED
 from oracle_server.history.sqlite.history import SqliteHistory
@@ -191,7 +192,7 @@ async def test_a_reader_that_stands_still_keeps_the_log_from_nothing(tmp_path: P
     await add(history, *(step(i) for i in range(1, 2501)))
     for reading in (history.by_arrival(1), history.steps(1, 0)):
         async with aclosing(reading) as pages:
-            assert len(await anext(pages)) == 1000  # and it asks for no more for now
+            assert len(await anext(pages)) == FIRST_PAGE  # and it asks for no more for now
             _, last = await history.extent(1)
             await add(history, *(step(last + i) for i in range(1, 501)))
             with closing(sqlite3.connect(history.path)) as database:

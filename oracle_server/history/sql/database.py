@@ -23,6 +23,10 @@ class Cursor(Protocol):
 
     def __iter__(self) -> Iterator[Any]: ...
 
+    def close(self) -> None:
+        """End it, with rows that are left or without."""
+        ...
+
 
 class Database(Protocol):
     """A connection. A value that can't be kept, now or ever, is one of `batch.REFUSED`."""

@@ -34,7 +34,7 @@ from oracle_server.history.sql.blocks import forgetting
 from oracle_server.history.sql.catching import catch_up
 from oracle_server.history.sql.database import Database, Store
 from oracle_server.history.sql.episodes import COUNT, END, FORGET, keeping, read
-from oracle_server.history.sql.reader import Reader
+from oracle_server.history.sql.reader import FIRST_PAGE, Reader, following
 from oracle_server.history.sql.refusals import needless, refusals
 from oracle_server.history.sql.rows import (
     Row,
@@ -325,11 +325,11 @@ class SqlHistory:
 
     async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
         """The steps behind a position, up to another, by pages."""
-        sql = f"{STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT {_PAGE}"
-        last = _LAST if upto is None else upto
-        while page := await self._reader.all(step_of, sql, (session, after, last)):
+        sql = f"{STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT ?"
+        last, size = _LAST if upto is None else upto, FIRST_PAGE
+        while page := await self._reader.some(step_of, sql, (session, after, last, size)):
             yield page
-            after = page[-1].position
+            after, size = page[-1].position, following(size, len(page), _PAGE)
 
     async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages, by arrival."""
@@ -337,7 +337,7 @@ class SqlHistory:
         keys = f"SELECT session, position FROM steps WHERE {where} ORDER BY arrived, monitor, seq, position"  # noqa: S608
         columns = ",".join(f"steps.{name}" for name in STEP_COLUMNS)
         page = (
-            f"SELECT {columns} FROM sorted JOIN steps USING (session, position) "  # noqa: S608
+            f"SELECT {columns}, sorted.rowid FROM sorted JOIN steps USING (session, position) "  # noqa: S608
             "WHERE session = ? AND sorted.rowid BETWEEN ? AND ? ORDER BY sorted.rowid"
         )
         async with contextlib.aclosing(self._reader.pages(step_of, keys, page, (session,), _PAGE)) as pages:

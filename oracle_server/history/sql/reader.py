@@ -19,6 +19,10 @@ from oracle_server.history.sql.rows import Row
 T = TypeVar("T")
 R = TypeVar("R")
 Values = Sequence[object]
+MOST_BYTES = 2**20
+"""A page has no more rows behind the one by which it has so many bytes, or characters."""
+FIRST_PAGE = 64
+"""Rows of a first page: a database may give all at once, and how long they are is not known yet."""
 log = structlog.get_logger()
 
 
@@ -36,6 +40,10 @@ class Reader:
     async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
         """What is made of each row, in the thread that reads them."""
         return await self.run(lambda reader: [make(row) for row in reader.execute(sql, values)])
+
+    async def some(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
+        """The same of the first rows, where these are long: at least one of them."""
+        return await self.run(lambda reader: [make(row) for row in _first(reader, sql, values)[0]])
 
     async def sound(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
         """The same without the rows of which it can't be made: the log tells of each once."""
@@ -77,15 +85,22 @@ class Reader:
         """What is made of rows, by pages, in an order that no index has.
 
         `order` selects the rows' keys, which are put into a temporary table of this reader's own; `page` selects rows
-        with those keys whose places there are from one number to another. So no read stays open between two pages: the
+        with those keys whose places there are from one number to another, and with these places as their last column.
+        A page has `size` rows at most, and fewer where they are long. So no read stays open between two pages: the
         database's log could not be taken in meanwhile, and would grow without bound.
         """
         reader = await self._in_thread(self._connect)
         in_use = threading.Lock()
 
-        def read(make: Callable[[Row], R], sql: str, values: Values = ()) -> list[R]:
+        def total() -> int:
             with in_use:
-                return [make(row) for row in reader.execute(sql, values)]
+                return int(reader.execute("SELECT count(*) FROM sorted").fetchone()[0])
+
+        def read(first: int, last: int) -> tuple[list[T], int]:
+            """What is made of rows, and the place behind the last one."""
+            with in_use:
+                rows, is_cut = _first(reader, page, (*values, first, last))
+                return [make(row[:-1]) for row in rows], (int(rows[-1][-1]) if is_cut else last) + 1
 
         def sort() -> None:
             with in_use:
@@ -94,9 +109,11 @@ class Reader:
         try:
             # this takes seconds of a long session, and needs the interpreter for none of them
             await self._in_thread(sort, self._sorting)
-            ((count,),) = await self._in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
-            for first in range(1, count + 1, size):
-                yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
+            count, first, rows = await self._in_thread(total), 1, min(FIRST_PAGE, size)
+            while first <= count:
+                found, behind = await self._in_thread(partial(read, first, first + rows - 1))
+                yield found
+                first, rows = behind, following(rows, behind - first, size)
         finally:  # where this is cancelled, a thread still reads: it would crash, were this closed meanwhile
             reader.interrupt()
             self._threads.start(partial(_close, reader, in_use))
@@ -114,6 +131,23 @@ class Reader:
     def _connect(self) -> Database:
         """A connection that any thread may use, and this alone."""
         raise NotImplementedError
+
+
+def following(rows: int, came: int, most: int) -> int:
+    """How many rows are asked for next: fewer came than were asked for where these were long."""
+    return min(most, 4 * rows if came == rows else max(1, 2 * came))
+
+
+def _first(reader: Database, sql: str, values: Values) -> tuple[list[Row], bool]:
+    """The first rows, up to `MOST_BYTES`; whether that is why there are no more of them."""
+    found, size = list[Row](), 0
+    with contextlib.closing(reader.execute(sql, values)) as cursor:
+        for row in cursor:
+            found.append(row)
+            size += sum([len(value) for value in row if isinstance(value, str | bytes)])
+            if size >= MOST_BYTES:
+                return found, True
+    return found, False
 
 
 def _close(reader: Database, in_use: threading.Lock) -> None:
