@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from oracle_server.core.events import Source
+from oracle_server.core.events import Source, StreamKey
 from oracle_server.core.least import Least
 
 MAX_PUBLISHERS = 1_000
@@ -78,6 +78,7 @@ class Frontiers:
         """Grows whenever `at_limit` may tell of a monitor of which it did not tell before."""
         self._known: dict[Source, Frontier] = {}
         self._of: dict[str, dict[Source, Frontier]] = {}
+        self._of_stream: dict[StreamKey, dict[str, Frontier]] = {}
         self._reached, self._shown = Least(_reached), Least(_shown)
         self._by_name: dict[str, Least[Frontier]] | None = None
         """By the names of the streams, once that is asked for: only what revises does."""
@@ -89,6 +90,11 @@ class Frontiers:
     def __iter__(self) -> Iterator[Frontier]:
         return iter(self._known.values())
 
+    @property
+    def sources(self) -> Iterable[Source]:
+        """The open streams."""
+        return self._known.keys()
+
     def get(self, source: Source) -> Frontier | None:
         """The frontier of a stream, None where it is not open."""
         return self._known.get(source)
@@ -97,12 +103,17 @@ class Frontiers:
         """The open streams of a monitor."""
         return self._of.get(monitor, ())
 
+    def of_stream(self, stream: StreamKey) -> Mapping[str, Frontier]:
+        """The frontiers of a stream, by the monitors that have it open."""
+        return self._of_stream.get(stream, {})
+
     def open(self, source: Source) -> Frontier:
         """Open a stream, unless it is open; `find` is to be called then."""
         frontier = self._known.get(source)
         if frontier is None:
             frontier = self._known[source] = Frontier(source, next(self._numbers))
             self._of.setdefault(source[0], {})[source] = frontier
+            self._of_stream.setdefault(source[1], {})[source[0]] = frontier
             self._add(frontier)
         return frontier
 
@@ -114,6 +125,7 @@ class Frontiers:
         del own[source]
         if not own:
             del self._of[source[0]]
+        del self._of_stream[source[1]][source[0]]
         return frontier.reached
 
     def observe(self, frontier: Frontier, publisher: str, stamp: int) -> None:

@@ -12,6 +12,7 @@ import heapq
 import sys
 from collections import deque
 from collections.abc import Iterable
+from itertools import islice
 from typing import Generic, TypeVar
 
 import msgspec
@@ -99,18 +100,24 @@ class ReorderBuffer(Generic[T]):
         return {frontier.source: frontier.reached for frontier in self._frontiers}
 
     @property
-    def publishers(self) -> dict[Source, tuple[int, int]]:
-        """How many publishers of each open stream are told apart, and how often one was forgotten for another."""
-        return {known.source: (len(known.publishers), known.forgotten) for known in self._frontiers}
+    def sources(self) -> Iterable[Source]:
+        """The open streams; not to be kept."""
+        return self._frontiers.sources
 
-    @property
-    def heard(self) -> dict[StreamKey, list[tuple[str, Iterable[str]]]]:
-        """The monitors that have a stream open, each with the publishers that it has heard; not to be kept."""
-        found: dict[StreamKey, list[tuple[str, Iterable[str]]]] = {}
-        for known in self._frontiers:
-            monitor, stream = known.source
-            found.setdefault(stream, []).append((monitor, known.publishers))
-        return found
+    def frontier(self, source: Source) -> int | None:
+        """A stream's frontier, None before its first event or clock, and where it is not open."""
+        known = self._frontiers.get(source)
+        return None if known is None else known.reached
+
+    def publishers(self, source: Source) -> tuple[int, int]:
+        """How many publishers of a stream are told apart, and how often one was forgotten; (0, 0) if it is not open."""
+        known = self._frontiers.get(source)
+        return (0, 0) if known is None else (len(known.publishers), known.forgotten)
+
+    def heard(self, stream: StreamKey, most: int) -> list[tuple[str, Iterable[str]]]:
+        """Some monitors that have a stream open, each with the publishers that it has heard; not to be kept."""
+        known = self._frontiers.of_stream(stream).items()
+        return [(monitor, frontier.publishers) for monitor, frontier in islice(known, most)]
 
     def is_ahead(self, monitor: str) -> bool:
         """Whether the order waits for none of a monitor's streams: all are beyond the least frontier."""

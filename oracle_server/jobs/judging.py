@@ -37,6 +37,8 @@ LARGEST = 2**20
 """The most bytes of a step, as much as a frame of a monitor's may have; that of a recording may be any."""
 _EVERY = 0.5
 """Seconds between two frames that tell how far it has got."""
+_SMALL = 2**16
+"""Bytes of a state up to which each of these has it; a larger one comes more seldom: the server reads it at one go."""
 _MOST, _LONGEST = 200, 2_000
 """Notes on a recording, and characters of one."""
 _FAILURES = (OracleError, MemoryError, OverflowError, OSError)
@@ -235,11 +237,12 @@ def _judge(replay: Told, rows: Rowed, tell: Callable[[object], None]) -> None:
     often = threading.Thread(target=tell_often, daemon=True)
     often.start()
     try:
-        shown = time.monotonic()
+        due = time.monotonic() + _EVERY
         for _ in replay:
-            if time.monotonic() - shown > _EVERY:
-                shown = time.monotonic()
-                tell(msgspec.structs.replace(far(), state=_state(replay)))
+            if time.monotonic() > due:
+                state = _state(replay)
+                tell(msgspec.structs.replace(far(), state=state))
+                due = time.monotonic() + _EVERY * max(1.0, _size(state) / _SMALL)
         rows.finish()
     finally:
         ended.set()

@@ -21,10 +21,10 @@ def doubled(session: LiveSession) -> dict[str, list[str]]:
 
     Not of streams of which something is held: each monitor has that of a shared topic for itself.
     """
-    spec, readers, heard = session.spec, session.core.plan.readers, session.core.buffer.heard
+    spec, readers = session.spec, session.core.plan.readers
     told: dict[str, list[str]] = {}
     for stream in spec.streams:
-        monitors = heard.get(stream.key, ())
+        monitors = session.core.buffer.heard(stream.key, _FEW)
         if stream.hold or len(monitors) < 2:
             continue
         for first, second in islice(_pairs(monitors), 1):
@@ -40,7 +40,7 @@ def doubled(session: LiveSession) -> dict[str, list[str]]:
 def _pairs(monitors: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
     """Each two monitors that hear one publisher."""
     by_publisher: dict[str, str] = {}
-    for monitor, publishers in monitors[:_FEW]:
+    for monitor, publishers in monitors:
         for publisher in islice(publishers, _MOST):
             other = by_publisher.setdefault(publisher, monitor)
             if other != monitor and _EVERYWHERE.fullmatch(publisher):

@@ -184,7 +184,7 @@ class Registry:
         """A session's state, as of its end where it is closed; None where it is unknown. Raises `HistoryError`."""
         live, unrestored = self.open.get(session_id), self.unrestored.get(session_id)
         if live is not None:
-            return present_state(live, live.clock.now())
+            return await present_state(live, live.clock.now())
         if unrestored is not None:
             return unrestored.state
         recorded = self.recorded.get(session_id)
@@ -197,7 +197,7 @@ class Registry:
         live = []
         if whose.origin is None:  # what is forwarded is never open here
             for session in [*reversed(self.open.values())]:
-                live.append(present_state(session, session.clock.now()))
+                live.append(await present_state(session, session.clock.now()))
                 await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
             live += [one.state for one in self.recorded.values()] + [one.state for one in self.unrestored.values()]
         live += await self.others.states(whose.origin)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import accumulate
 from typing import Any
 
@@ -20,12 +21,21 @@ from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.runs import run_of
 from oracle_server.sessions.standing import caveats
 
+_AT_ONCE = 200
+"""Rows that are made in one turn, of some 5 us each."""
 _FEW = 10
 """Streams that nobody observes any more, of which the properties tell."""
 
 
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
+    return _stated(session, now, list(_monitors(session)), list(_streams(session.core, now)))
+
+
+def _stated(
+    session: LiveSession, now: int, monitors: list[dict[str, Any]], streams: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """The state with the rows of its monitors and streams."""
     trouble = session.keeping.trouble
     return {
         "id": session.id,
@@ -43,8 +53,8 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "closed": None,
         "closed_because": None,
         "trouble": None if trouble is None else f"nothing more of it can be kept: {trouble}",
-        "monitors": list(_monitors(session)),
-        **_told_of_monitors(session, judged_state(session.core, now, session.ledger.refused)),
+        "monitors": monitors,
+        **_told_of_monitors(session, _judged(session.core, now, session.ledger.refused, streams)),
     }
 
 
@@ -80,8 +90,14 @@ def _apart(session: LiveSession) -> Iterator[tuple[str, frozenset[str]]]:
 
 def _lacking(session: LiveSession) -> dict[str, list[str]]:
     """Which streams nobody observes any more that a property reads, by its id, where other monitors are there."""
-    there = {key for monitor in session.monitors.values() if monitor.attached for key in monitor.streams}
-    left = sorted(session.claimed - there) if there else []
+    gone, is_any = set(session.claimed), False
+    for monitor in session.monitors.values():
+        if monitor.attached and monitor.streams:
+            is_any = True
+            gone.difference_update(monitor.streams)
+        if not gone:
+            break
+    left = sorted(gone) if is_any else []
     lacks: dict[str, list[str]] = {}
     for key in left[:_FEW]:
         for index in session.core.plan.readers.get(key.name, ()):
@@ -89,20 +105,37 @@ def _lacking(session: LiveSession) -> dict[str, list[str]]:
     return lacks
 
 
-def present_state(session: LiveSession, now: int) -> dict[str, Any]:
-    """The same of one that is not being closed: its `trouble` says too that nothing is judged at present."""
-    state = session_state(session, now)
+async def present_state(session: LiveSession, now: int) -> dict[str, Any]:
+    """The same of one that is not being closed: its `trouble` says too that nothing is judged at present.
+
+    Of many monitors it is made in turns, between which others are served.
+    """
+    monitors = await _in_turns(_monitors(session))
+    state = _stated(session, now, monitors, await _in_turns(_streams(session.core, now)))
     if state["trouble"] is None and (failure := session.keeping.failure) is not None:
         state["trouble"] = f"nothing of it is judged while the history can't be written: {failure}"
     return state
 
 
+async def _in_turns(rows: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    made = []
+    for row in rows:
+        made.append(row)
+        if len(made) % _AT_ONCE == 0:
+            await asyncio.sleep(0)
+    return made
+
+
 def judged_state(core: Session, now: int, refused: int) -> dict[str, Any]:
     """What of a state its judges and its order tell, at a time (ns); so many events were refused."""
+    return _judged(core, now, refused, list(_streams(core, now)))
+
+
+def _judged(core: Session, now: int, refused: int, streams: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "clock": "wall" if core.simulated is None else "sim",
         "begun": core.begun,
-        "streams": list(_streams(core, now)),
+        "streams": streams,
         "awaited": _awaited(core.buffer.awaited),
         "waiting": _waiting(core, now),
         "hold": _hold(core.holds),
@@ -114,7 +147,7 @@ def judged_state(core: Session, now: int, refused: int) -> dict[str, Any]:
 
 
 def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
-    for monitor in session.monitors.values():
+    for monitor in [*session.monitors.values()]:  # others may come meanwhile
         yield {
             "name": monitor.name,
             "attached": monitor.attached,
@@ -162,11 +195,12 @@ def _counters(core: Session, refused: int) -> dict[str, int]:
 def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
     """Each stream of a monitor that is ordered, or has counts or held events; `lag` (ns) is in the session's time."""
     depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
-    frontiers, publishers = core.buffer.frontiers, core.buffer.publishers
+    order = core.buffer
     present = now if core.simulated is None else core.simulated.now
-    for source in dict.fromkeys((*frontiers, *depths, *core.counts)):
+    for source in dict.fromkeys((*order.sources, *depths, *core.counts)):
         monitor, stream = source
-        frontier, counts = frontiers.get(source), core.counts.get(source, StreamCounts())
+        frontier, counts = order.frontier(source), core.counts.get(source, StreamCounts())
+        publishers, forgotten = order.publishers(source)
         yield {
             "monitor": monitor,
             "stream": stream.name,
@@ -177,8 +211,8 @@ def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
             "late": counts.late,
             "lost": counts.lost,
             "duplicates": counts.duplicates,
-            "publishers": publishers.get(source, (0, 0))[0],
-            "forgotten": publishers.get(source, (0, 0))[1],
+            "publishers": publishers,
+            "forgotten": forgotten,
         }
 
 

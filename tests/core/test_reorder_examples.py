@@ -68,7 +68,7 @@ def test_of_too_many_publishers_the_one_that_is_furthest_behind_is_not_waited_fo
         buffer.push(0, SA, publisher, 1, 1)
     assert items(buffer.push(1, SA, "first", 5, 9)) == []
     assert items(buffer.push(2, SA, "third", 4, 9)) == [2]  # the second may be gone
-    assert buffer.publishers[SA] == (2, 1)
+    assert buffer.publishers(SA) == (2, 1)
     assert items(buffer.push(3, SA, "second", 6, 9)) == [1]  # and is a new one: the third is forgotten
     assert buffer.frontiers[SA] == 5
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import pytest
 
-from oracle_server.jobs.frames import Ended, Failed, Rows, Task
+from oracle_server.jobs import judging
+from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Task
 from oracle_server.jobs.judging import LARGEST, judge
 
 SPEC = """
@@ -161,3 +164,18 @@ def test_a_step_that_is_too_large_to_be_kept_ends_it_and_what_came_before_is_tol
     assert failed.state is None
     assert failed.error.startswith("log.jsonl: an event of /a has 104")
     assert failed.error.endswith("or judge it by `oracle-server replay`")
+
+
+@pytest.mark.parametrize(("monitors", "often"), [(1, True), (2_000, False)])
+def test_a_large_state_is_told_more_seldom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, monitors: int, often: bool
+) -> None:
+    """The server reads it at one go, while robots' decisions wait: that of 2,000 monitors has 200 kB."""
+    lines = [json.dumps(json.loads(line(n, 1)) | {"monitor": f"m{n % monitors}"}) for n in range(2_000)]
+    passed = itertools.count()
+    monkeypatch.setattr(judging, "time", SimpleNamespace(monotonic=lambda: next(passed) * 0.6))
+    told = frames(tmp_path, lines)
+    states = [frame for frame in told if isinstance(frame, Progress) and frame.state is not None]
+    assert (len(states) > 1_500) == often
+    assert states
+    assert isinstance(told[-1], Ended)

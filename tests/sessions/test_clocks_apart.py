@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.sessions.status import present_state
+from oracle_server.sessions.status import session_state
 from oracle_server.wire.incoming import ClockMessage, ClockStamp
 from tests.sessions.making import Kept, Standing, attach, registry
 
@@ -31,7 +31,7 @@ async def told(folder: Path, by: int, spec: str = SPEC) -> list[list[str]]:
     live, monitor = await registry(history, folder, spec, clock=clock).attach(attach("s", "timed"), Kept())
     stamp = clock.time + by - 20 * 10**6  # less the latency, as adapters do
     live.update_clocks(monitor, ClockMessage(type="clock", stamps=[ClockStamp(stream="/a", stamp=stamp)]))
-    return [row["caveats"] for row in present_state(live, clock.time)["properties"]]
+    return [row["caveats"] for row in session_state(live, clock.time)["properties"]]
 
 
 async def test_a_clock_that_is_behind_is_told_where_deadlines_go_by_it(tmp_path: Path) -> None:
