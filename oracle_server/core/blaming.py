@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from oracle_server.core.deciding import denies
 from oracle_server.core.events import Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.holding import Held
+from oracle_server.core.holding import Held, Holding
 from oracle_server.core.lingering import Trace, trace
 from oracle_server.core.plan import StreamPlan
 from oracle_server.core.telling import Telling
@@ -20,7 +20,7 @@ _NOTHING: Mapping[str, Scalar] = {}
 class Blaming(Telling):
     """Decisions, and which guards blame an event."""
 
-    _held: dict[str, Held]
+    _held: Holding
 
     def __init__(self) -> None:
         self._silence = _NOTHING
@@ -32,7 +32,7 @@ class Blaming(Telling):
         """The guards with `blame: caused` that would be negative without the event too."""
         if not (self._decides and step.event.ask):
             return NO_ONE
-        held = self._held.get(step.event.monitor, Held())
+        held = self._held.of(step.event.monitor) or Held()
         signals, failed = self._derived.at(self.present, self.counters.steps, held.values, held.failed)
         self._silence = signals
         return frozenset(

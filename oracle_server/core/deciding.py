@@ -7,7 +7,7 @@ from typing import NamedTuple
 import msgspec
 
 from oracle_server.core.episode import Following
-from oracle_server.core.holding import Held
+from oracle_server.core.holding import Version
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import NEGATIVE, Decision, Outcome, Verdict
 
@@ -28,7 +28,7 @@ class Before(NamedTuple):
     marks: list[Mark]
     present: int
     steps: int
-    held: dict[str, Held]
+    held: Version
     ticked: int
     outdated: bool
     following: Following

@@ -16,7 +16,7 @@ from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measu
 from oracle_server.core.episode import Following, loaded, saved
 from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Source, Step
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.holding import Held, together
+from oracle_server.core.holding import Held, Holding
 from oracle_server.core.owing import NO_UNANSWERED
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
@@ -52,7 +52,7 @@ class Judge(Blaming):
         self._numbers = numbers
         self._decides, self._knows_first = decides, order == orders(plan.spec)[-1]
         self._measures = any(provides(engine, Measuring) for engine in engines)
-        self._held: dict[str, Held] = {}
+        self._held = Holding()
         """By monitor; the monitor with the latest event is the last one."""
         self._derived = Derived(plan.derived)
         self._degraded = False
@@ -119,7 +119,7 @@ class Judge(Blaming):
             return None
         return {
             "properties": states,
-            "held": [(monitor, held.values, sorted(held.failed)) for monitor, held in self._held.items()],
+            "held": [(monitor, held.values, sorted(held.failed)) for monitor, held in self._held.all()],
             "counters": {name: getattr(self.counters, name) for name in Counters.__slots__},
             "degraded": self._degraded,
             "present": self.present,
@@ -134,7 +134,7 @@ class Judge(Blaming):
         """Take over a snapshot; verdicts are numbered from `numbers`. Raises `EngineError` where it can't be used."""
         for state, known in zip(self.properties, data["properties"], strict=True):
             state.restore(known)
-        self._held = {monitor: Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
+        self._held = Holding((monitor, Held(dict(values), set(failed))) for monitor, values, failed in data["held"])
         self.counters = Counters(**data["counters"])
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
@@ -186,7 +186,7 @@ class Judge(Blaming):
         self._ticked, self._outdated = time, False
         if turn is None:
             return None
-        held, failing = together(self._held.values())
+        held, failing = self._held.together()
         failing -= turn.carried.keys()
         stored: Mapping[str, Scalar] = {**held, **turn.carried}
         signals, failed = self._derived.at(time, self.counters.steps, stored, failing)
@@ -225,7 +225,7 @@ class Judge(Blaming):
             if not state.settles:
                 state.explain(state.outcome)
         time = self._until if at is None else at
-        held, failing = together(self._held.values())
+        held, failing = self._held.together()
         signals, failed = self._derived.at(time, self.counters.steps, held, failing)
         return self._ticked_with(found, (signals, frozenset(failed)), (held, frozenset(failing)), time, now, ENDED)
 
@@ -253,7 +253,7 @@ class Judge(Blaming):
     @property
     def _last(self) -> LastStep:
         ticked = self.present if self._outdated else self._ticked
-        return LastStep(self.present, self.counters.steps, ticked, lambda: together(self._held.values()))
+        return LastStep(self.present, self.counters.steps, ticked, self._held.together)
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
@@ -261,7 +261,7 @@ class Judge(Blaming):
 
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied, as if it had never happened."""
-        before = self._attempt(step)
+        before = self._attempt()
         judged = self._judge(step, now, revisable=True)
         if is_denied(judged.decision):
             return self._take_back(judged, before)
@@ -270,20 +270,20 @@ class Judge(Blaming):
         self._derived.journal.keep()
         return judged
 
-    def _attempt(self, step: Step) -> Before:
+    def _attempt(self) -> Before:
         """Begin a step that may be taken back."""
         before = Before(
             [state.mark() for state in self.properties],
-            self.present, self.counters.steps, self._held, self._ticked, self._outdated, self.following,
+            self.present, self.counters.steps, self._held.version, self._ticked, self._outdated, self.following,
         )  # fmt: skip
         self._derived.journal.mark()
-        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
         return before
 
     def _take_back(self, judged: Judged, before: Before) -> Judged:
         """Take the last step back, as if it had never happened; what was judged of it is not final."""
         time = self.present
-        marks, self.present, self.counters.steps, self._held, self._ticked, self._outdated, self.following = before
+        marks, self.present, self.counters.steps, held, self._ticked, self._outdated, self.following = before
+        self._held.go_to(held)
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark, counts=is_denied_by(judged.decision, state.property))
         self._derived.back()
@@ -383,16 +383,11 @@ class Judge(Blaming):
         if not stream.spec.hold and not self._held:
             return signals, step.failed
         if stream.spec.hold:
-            self._holding(event.monitor).take(stream.spec.hold, step)
-        known = self._held.get(event.monitor)
+            self._held.take(event.monitor, stream.spec.hold, step)
+        known = self._held.of(event.monitor)
         if known is None:
             return signals, step.failed
         kept = known.values
         if not step.failed.isdisjoint(kept):  # a signal of its own that failed is not what another stream holds
             kept = {name: value for name, value in kept.items() if name not in step.failed}
         return {**kept, **signals}, step.failed | (known.failed - signals.keys())
-
-    def _holding(self, monitor: str) -> Held:
-        """What a monitor's streams hold, to be changed; its event is the latest."""
-        held = self._held[monitor] = self._held.pop(monitor, Held())
-        return held

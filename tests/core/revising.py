@@ -374,7 +374,7 @@ def in_order(run: Run) -> list[tuple[Judged, int]]:
         judge.at_least = run.presents.get(identity, 0)
         denied = row.decision is not None and row.decision.choice == "deny"
         if denied and judge.plan.streams[row.step.event.stream].undoes:
-            before = judge._attempt(row.step)
+            before = judge._attempt()
             attempt = judge._judge(row.step, 0, revisable=True)
             present = judge.present
             add(judge._take_back(attempt, before), present)

@@ -345,7 +345,7 @@ class RevisingJudge(RewindableJudge):
         if asked is not None:
             asked.asked = True
         if row.undone:
-            before = self._attempt(row.step)
+            before = self._attempt()
             judged = self._take_back(self._judge(row.step, row.judged.judged, revisable=True), before)
         else:
             judged = self._judge(row.step, row.judged.judged)

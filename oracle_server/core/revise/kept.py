@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import msgspec
 
 from oracle_server.core.derived.journal import Undo
 from oracle_server.core.episode import Following
 from oracle_server.core.events import Step
-from oracle_server.core.holding import Held
+from oracle_server.core.holding import Version
 from oracle_server.core.kinds import TICK
 from oracle_server.core.revise.finality import Stand
 from oracle_server.core.verdicts import Judged
@@ -32,7 +32,7 @@ class Point(msgspec.Struct, gc=False):
     ticked: int
     outdated: bool
     steps: int
-    held: Mapping[str, Held]
+    held: Version
     properties: tuple[Stand, ...]
     following: Following
 

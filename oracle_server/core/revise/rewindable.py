@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from oracle_server.core.derived.journal import Undo
 from oracle_server.core.engine import Engine, rewindable
 from oracle_server.core.events import Order, Step
-from oracle_server.core.holding import Held
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
@@ -65,7 +64,8 @@ class RewindableJudge(Judge):
                 engine.rewind(point.steps, point.present, point.before)
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
-        self.counters.steps, self._held, self.following = point.steps, dict(point.held), point.following
+        self.counters.steps, self.following = point.steps, point.following
+        self._held.go_to(point.held)
 
     def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False, old: Kept | None = None) -> None:
         """Keep a row that was judged; `old` is how it was kept before where it was judged again."""
@@ -83,7 +83,7 @@ class RewindableJudge(Judge):
             self.newest = present
         noted = self._derived.noted() if self._derives else ()
         row = Kept(
-            present, before, self._ticked, self._outdated, steps, self._held, stands, self.following,
+            present, before, self._ticked, self._outdated, steps, self._held.version, stands, self.following,
             judged, key, level, position, preceding, undone, noted,
         )  # fmt: skip
         keeping.add(row, self.newest)
@@ -108,7 +108,9 @@ class RewindableJudge(Judge):
     def _point(self, before: int = 0) -> Point:
         """How the judge stands where no row is kept; `before` is the time of the step before the last one (ns)."""
         steps, stands = self.counters.steps, self._stand()
-        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
+        return Point(
+            self.present, before, self._ticked, self._outdated, steps, self._held.version, stands, self.following
+        )
 
     def _stand(self) -> tuple[Stand, ...]:
         """How its properties stand, which have not changed since."""
@@ -124,7 +126,3 @@ class RewindableJudge(Judge):
         else:
             super()._move_on(step, stream)
             self.present = max(self.present, self._not_before)
-
-    def _holding(self, monitor: str) -> Held:
-        self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
-        return super()._holding(monitor)
