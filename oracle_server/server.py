@@ -197,7 +197,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
     forwarding = _forwarding(settings, history)
     hold = None if forwarding is None else Hold(forwarding.noted.free, settings.forward_hold)
-    pruner = Pruner(history, bounds, library.retention, clock.now, registry.save, hold)
+    pruner = Pruner(history, bounds, library.retention, clock.ago, registry.save, hold)
     with Watchdog() as watchdog:
         with uncollected():
             await registry.restore_all()

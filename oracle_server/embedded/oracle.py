@@ -131,7 +131,7 @@ class EmbeddedOracle:
         clock = Clock(at_least=await self._history.last_time())
         self._registry = Registry(self._history, self._library, clock, settings.resume_within)
         bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
-        pruner = Pruner(self._history, bounds, self._library.retention, clock.now, self._registry.save)
+        pruner = Pruner(self._history, bounds, self._library.retention, clock.ago, self._registry.save)
         await self._registry.restore_all()
         await self._registry.take_over()
         self._registry.accept_work()

@@ -105,16 +105,17 @@ class Pruner:
         history: History,
         bounds: Retention,
         of_specs: Callable[[], dict[str, Retention]],
-        now: Callable[[], int],
+        ago: Callable[[int], int],
         save: Callable[[int], None],
         hold: Hold | None = None,
     ) -> None:
-        """Prune by the server's `bounds`, and those `of_specs` by the specs' ids; `now` returns nanoseconds.
+        """Prune by the server's `bounds`, and those `of_specs` by the specs' ids.
 
+        `ago` tells what time it was so many nanoseconds ago.
         `save` takes a snapshot of an open session, by its number, so that earlier events can be deleted.
         What is not forwarded yet is deleted as `hold` says.
         """
-        self._history, self._bounds, self._of_specs, self._now, self._save = history, bounds, of_specs, now, save
+        self._history, self._bounds, self._of_specs, self._ago, self._save = history, bounds, of_specs, ago, save
         self._hold = hold
 
     async def run(self, every: float) -> None:
@@ -155,9 +156,8 @@ class Pruner:
                 await self._delete(session)
 
     async def _older(self, sessions: list[_Candidate], ages: set[int]) -> _Older:
-        now = self._now()
         return {
-            (session.extent.number, age): await self._history.judged_before(session.extent, now - age)
+            (session.extent.number, age): await self._history.judged_before(session.extent, self._ago(age))
             for session in sessions
             if session.is_open and not session.extent.held
             for age in ages
@@ -184,7 +184,7 @@ class Pruner:
         live = [s for s in group if s.is_open]
         wanted: set[int] = set()
         if bounds.age is not None:
-            oldest = self._now() - bounds.age
+            oldest = self._ago(bounds.age)
             for session in closed:
                 if (session.extent.closed or 0) < oldest:
                     session.cut = session.size + 1

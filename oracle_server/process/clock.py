@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections import deque
+from typing import NamedTuple
 
 import structlog
 
@@ -12,7 +14,17 @@ MAX_APART = 10**9
 """Nanoseconds by which it may be ahead and be the clock of what begins, whose stamps are the wall clock's; and by which
 the wall clock may be set back while this one goes on, and it waits for that."""
 
+_REMEMBERED = 100
+"""Leaps that are remembered."""
+
 log = structlog.get_logger()
+
+
+class _Leap(NamedTuple):
+    """From when to when the wall clock was set ahead (ns): what it leapt over did not pass."""
+
+    before: int
+    after: int
 
 
 class Clock:
@@ -35,6 +47,8 @@ class Clock:
         self._wall = wall
         self._ticks = time.monotonic_ns()
         self._far = False
+        self._slept = _slept()
+        self._leaps = deque[_Leap](maxlen=_REMEMBERED)
 
     def now(self) -> int:
         """The time in nanoseconds since the epoch; never less than before."""
@@ -46,10 +60,20 @@ class Clock:
         if (skipped := wall - self._now - passed) > MAX_APART:
             what = "the wall clock was set ahead, or the machine slept: deadlines of meanwhile run out at once"
             log.warning(what, seconds=skipped // 10**9)
+            self._leap(self._now + passed, wall)
         self._now = max(self._now + (passed if self._far else passed // 2), wall)
         self._ticks, self._wall = ticks, wall
         self._far = self._far and self._now > wall
         return self._now
+
+    def ago(self, age: int) -> int:
+        """What this clock told so long ago (ns): of what it leapt over as it was set ahead nothing has passed."""
+        found = self.now() - age
+        for before, after in reversed(self._leaps):
+            if found >= after:
+                break
+            found = min(before, found - (after - before))
+        return found
 
     def since(self, time_: int) -> Clock:
         """The clock for what has lived until `time_` (0: it begins): itself, or one of its own.
@@ -72,3 +96,15 @@ class Clock:
     def far(self) -> bool:
         """Whether it is ahead of the wall clock, and does not wait for it."""
         return self._far
+
+    def _leap(self, before: int, after: int) -> None:
+        slept = _slept()
+        before, self._slept = before + slept - self._slept, slept
+        if after - before > MAX_APART:
+            self._leaps.append(_Leap(before, after))
+
+
+def _slept() -> int:
+    """How long the machine has slept, and something that stays the same (ns); 0 where no clock tells it."""
+    kind = getattr(time, "CLOCK_BOOTTIME", None)
+    return 0 if kind is None else time.clock_gettime_ns(kind) - time.monotonic_ns()

@@ -165,9 +165,9 @@ def decompress(data: bytes, how: str, size: int) -> tuple[bytes, bool]:
     if how in ("", "none"):
         return data, len(data) == size
     if size > LARGEST:
-        raise DamagedError(f"a block says that it has {size} bytes")
+        raise DamagedError(f"says that it unpacks to {size} bytes, and at most {LARGEST} are read")
     if how not in _DECOMPRESSORS:
-        raise DamagedError(f"a block is compressed by '{how[:20]}', which is not known")
+        raise DamagedError(f"is compressed by '{how[:20]}', which is not known")
     found = _DECOMPRESSORS[how](data, size)
     return found, len(found) == size
 

@@ -41,7 +41,7 @@ async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
         await history.flush()
 
         def pruner(most: int) -> Pruner:
-            return Pruner(history, Retention(events=5), dict, lambda: 0, lambda _: None, Hold(noted.free, most))
+            return Pruner(history, Retention(events=5), dict, lambda age: -age, lambda _: None, Hold(noted.free, most))
 
         await pruner(10**9).prune()
         assert [await history.extent(n) for n in (1, 2)] == [(1, 30), (1, 30)]
@@ -89,7 +89,7 @@ async def test_what_is_told_of_brought_steps_is_held_as_they_are(
         kept = at_the_robot(tmp_path)
         assert len(kept["blocks"]) > 12
         hold = Hold(noted.free, 1 if full else 10**9)
-        pruner = Pruner(history, Retention(events=5), dict, lambda: 0, lambda _: None, hold)
+        pruner = Pruner(history, Retention(events=5), dict, lambda age: -age, lambda _: None, hold)
         left = 1
         while left:
             left = (await brought(history, url, bringing, 100, once=True)).left
@@ -149,7 +149,9 @@ async def test_a_session_of_which_retention_has_left_no_step_is_the_same_to_the_
         bringing.close()  # the network is gone
         history.close_session(1, 5, {"id": "one", "trouble": None})
         await history.flush()
-        await Pruner(history, Retention(1), dict, lambda: 10**18, lambda _: None, Hold(noted.free, 10**9)).prune()
+        await Pruner(
+            history, Retention(1), dict, lambda age: 10**18 - age, lambda _: None, Hold(noted.free, 10**9)
+        ).prune()
         assert await history.extent(1) == (1, 0)
         assert await history.session(1) is not None, "that it was closed is not there yet"
         await brought(history, url, bringing)
@@ -196,7 +198,7 @@ async def test_what_was_closed_long_ago_is_as_old_as_it_is_at_the_centre(postgre
 
     async def pruned(days: int) -> None:
         now = time.time_ns() + days * day
-        await Pruner(centre, Retention(30 * day), dict, lambda: now, lambda _: None).prune()
+        await Pruner(centre, Retention(30 * day), dict, lambda age: now - age, lambda _: None).prune()
 
     async with robot(tmp_path) as history:
         history.open_session(opened())
@@ -257,7 +259,7 @@ async def test_what_a_robot_has_open_takes_no_room_from_others_at_the_centre(
         await add(history, *(step(p) for p in range(1, 2001)))
         await brought(history, url, bringing)
         bringing.close()
-    await Pruner(centre, bounds, dict, lambda: 10**18, saved.append).prune()
+    await Pruner(centre, bounds, dict, lambda age: 10**18 - age, saved.append).prune()
     assert counted(postgres, url)["steps"] == 2030
     assert saved == [], "there is no judge of it here"
     await asyncio.to_thread(centre.close)

@@ -43,7 +43,7 @@ async def test_what_fails_once_is_tried_again(error: Exception, capsys: pytest.C
     await add(history, *(step(i) for i in range(1, 6)))
     history.close_session(1, 1, {})
     await history.flush()
-    pruner = Pruner(history, Retention(events=2), dict, lambda: 0, lambda _: None)
+    pruner = Pruner(history, Retention(events=2), dict, lambda age: -age, lambda _: None)
     pruning = asyncio.create_task(pruner.run(0.001))
 
     async def pruned() -> bool:

@@ -42,7 +42,7 @@ async def refused(history: History, session: int, seqs: Iterable[int], monitor: 
 
 def pruner(history: History, bounds: Retention, saved: list[int] | None = None) -> Pruner:
     """What prunes; it notes which sessions are to be saved."""
-    return Pruner(history, bounds, dict, lambda: 10**18, ([] if saved is None else saved).append)
+    return Pruner(history, bounds, dict, lambda age: 10**18 - age, ([] if saved is None else saved).append)
 
 
 async def numbers(history: History) -> list[int]:

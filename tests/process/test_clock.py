@@ -16,9 +16,10 @@ class Machine:
     """A machine's clocks, which a test sets."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.wall, self.ticks = 1_700_000_000 * SECOND, 5 * SECOND
+        self.wall, self.ticks, self.slept = 1_700_000_000 * SECOND, 5 * SECOND, 0
         monkeypatch.setattr(time, "time_ns", lambda: self.wall)
         monkeypatch.setattr(time, "monotonic_ns", lambda: self.ticks)
+        monkeypatch.setattr(time, "clock_gettime_ns", lambda kind: self.ticks + self.slept)
 
     def pass_by(self, seconds: int) -> None:
         self.wall += seconds * SECOND
@@ -132,3 +133,33 @@ def test_what_has_lived_later_at_a_machine_whose_clock_is_ahead_goes_on_from_the
     assert (own.now(), clock.now()) == (later + 2 * SECOND, machine.wall)
     machine.pass_by(30)
     assert own.now() == clock.now() == machine.wall
+
+
+def test_what_a_clock_leapt_over_did_not_pass(machine: Machine) -> None:
+    """As at a robot that starts in 1970: what is kept for a day was deleted as soon as its clock was set."""
+    clock, begun = Clock(), machine.wall
+    machine.pass_by(60)
+    assert clock.ago(60 * SECOND) == begun
+    machine.wall += YEARS
+    assert clock.now() == machine.wall
+    machine.pass_by(10)
+    clock.now()
+    machine.wall += 3600 * SECOND
+    clock.now()
+    machine.pass_by(5)
+    told = [clock.ago(passed * SECOND) for passed in (5, 6, 15, 16, 75)]
+    assert told == [
+        machine.wall - 5 * SECOND,
+        begun + YEARS + 69 * SECOND,
+        begun + YEARS + 60 * SECOND,
+        begun + 59 * SECOND,
+        begun,
+    ]
+
+
+def test_what_the_machine_slept_through_has_passed(machine: Machine) -> None:
+    clock, begun = Clock(), machine.wall
+    machine.wall += 3600 * SECOND
+    machine.slept += 3600 * SECOND
+    assert clock.now() == machine.wall
+    assert clock.ago(3600 * SECOND) == begun

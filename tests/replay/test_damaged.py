@@ -154,6 +154,27 @@ def test_many_messages_without_a_time_are_told_without_looking_at_all_for_each(t
     assert looked == 0
 
 
+@pytest.mark.parametrize(
+    ("at", "wrong", "said"),
+    [
+        (25, (2**40).to_bytes(8, "little"), "says that it unpacks to 1099511627776 bytes"),
+        (41, b"zstf", "is compressed by 'zstf'"),
+    ],
+)
+def test_a_chunk_that_can_not_be_unpacked_is_told(
+    numbers: Spec, tmp_path: Path, at: int, wrong: bytes, said: str
+) -> None:
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.MCAP)
+    path = rewrite(next(bag.glob("*.mcap")), tmp_path / "wrong.mcap", CompressionType.ZSTD)
+    data = bytearray(path.read_bytes())
+    chunk = data.index(b"zstd") - 41
+    data[chunk + at : chunk + at + len(wrong)] = wrong
+    path.write_bytes(data)
+    found = judge(numbers, path)
+    assert not isinstance(found, str)
+    assert any(f"the part at byte {chunk + 9} {said}" in doubt for doubt in found.doubts), found.doubts
+
+
 def test_a_chunk_that_differs_from_its_checksum_is_left_out_and_said(numbers: Spec, tmp_path: Path) -> None:
     bag = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.MCAP)
     path = rewrite(next(bag.glob("*.mcap")), tmp_path / "flipped.mcap", CompressionType.NONE)

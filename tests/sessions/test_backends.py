@@ -112,7 +112,7 @@ async def run(history: History, folder: Path, by: str) -> list[Any]:
     await made.server(1, 2, 3, 4, 5, 6)
     await made.server(1, 2, 8, 9, 10, 12, 14, save=True)
     found: list[Any] = [await made.asked()]
-    pruner = Pruner(history, Retention(events=4), made.library.retention, made.clock.now, made.sessions.save)
+    pruner = Pruner(history, Retention(events=4), made.library.retention, made.clock.ago, made.sessions.save)
     await pruner.prune()
     await made.server(2, 14, 16, 17)
     found.append([await history.extent(1), await history.monitors(1), await history.refusals(1)])
