@@ -252,7 +252,7 @@ def _other(postgres: Postgres, folder: Path) -> tuple[str, str]:
     ("make", "why"),
     [
         (_full, "has sessions already; copy .*other/history.sqlite to an empty one"),
-        (_newer, "has format 99, and this version of the server reads up to"),
+        (_newer, r"has format 99, and this version of the server reads up to \d+: go on with the newer one"),
         (_newer_target, "has format 99, and this version of the server reads up to"),
         (_other, "other.sqlite: is a database, and no history"),
         (lambda _, folder: (str(folder / "none"), str(folder)), "none/history.sqlite: there is no history"),

@@ -16,7 +16,8 @@ class FormatError(HistoryError):
         super().__init__(
             "not all of another history is copied into this one yet: go on with `oracle-server history copy`"
             if version < 0
-            else f"the history has format {version}, and this version of the server reads up to {VERSION}"
+            else f"the history has format {version}, and this version of the server reads up to {VERSION}: "
+            "go on with the newer one that has written it, or begin another history"
         )
 
 
