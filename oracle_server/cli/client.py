@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import ssl
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -48,6 +49,7 @@ class Client:
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
+        self._shown = re.sub("//[^/]*@", "//…@", self._url)  # not the password of a proxy
         if not self._url.lower().startswith(_SCHEMES):
             what = "write http://HOST:PORT, as http://127.0.0.1:8642, or unix:///PATH"
             raise ServerUnreachableError(f"--url or ORACLE_URL: '{url}' is no address of a server; {what}")
@@ -95,10 +97,10 @@ class Client:
             yield
         except (httpx.HTTPError, httpx.InvalidURL, UnicodeEncodeError) as error:
             raise ServerUnreachableError(
-                f"{self._url}: can't be reached ({error}); start it with `oracle-server start`, or set ORACLE_URL"
+                f"{self._shown}: can't be reached ({error}); start it with `oracle-server start`, or set ORACLE_URL"
             ) from None
         except (ValueError, LookupError):
-            raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
+            raise ServerUnreachableError(f"{self._shown}: answers, but not as an oracle server") from None
 
     def events(self, path: str, note: Callable[[str], object], **query: Any) -> Iterator[dict[str, Any]]:
         """The records of a stream until its end, over several connections if necessary; `note` is told what it lacks.
@@ -136,7 +138,7 @@ class Client:
         """Raise `ServerUnreachableError` with what an error says, ValueError where it is no answer of such a kind."""
         if response.is_error:
             response.read()
-            raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
+            raise ServerUnreachableError(f"{self._shown}: {_detail(response)}")
         if not response.headers.get("content-type", "").startswith(kind):
             raise ValueError
 

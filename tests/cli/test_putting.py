@@ -38,5 +38,7 @@ def test_nothing_is_stored_where_one_of_them_is_unsound(server: Server, tmp_path
 def test_what_the_server_refuses_is_told(server: Server, tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(SPEC.format(id="mine", value=1), encoding="utf-8")
-    assert "can't be reached" in failed("put", file, "--url", "http://127.0.0.1:1")
+    away = failed("put", file, "--url", "http://ops:s3cret@127.0.0.1:1")
+    assert "http://…@127.0.0.1:1: can't be reached" in away
+    assert "s3cret" not in away
     assert "can't be read" in failed("put", tmp_path / "none.yaml", "--url", server.url)

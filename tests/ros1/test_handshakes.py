@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import socket
+import struct
 import sys
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -41,6 +42,18 @@ def test_one_who_says_nothing_keeps_no_call_waiting(tmp_path: Path) -> None:
             answer, error = caller.call(SetBool, "/switch_mon", True)
             assert error is None
             assert answer.success
+        adapter.ends_well()
+
+
+def test_one_who_calls_by_another_definition_and_says_no_name_is_told(tmp_path: Path) -> None:
+    said = [b"service=/switch_mon", b"md5sum=" + 32 * b"0", b"type=std_srvs/SetBool"]
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel = scene.adapter("switch"), scene.peer()
+        panel.serve(SetBool, "/switch", put)
+        header = b"".join(struct.pack("<I", len(field)) + field for field in said)
+        with socket.create_connection(address_of(scene, "/switch_mon")) as nameless:
+            nameless.sendall(struct.pack("<I", len(header)) + header)
+            adapter.said("/switch: an unknown node calls /switch_mon by another type than std_srvs/SetBool, or ")
         adapter.ends_well()
 
 

@@ -16,7 +16,7 @@ from oracle_adapter.unread import Unread
 from oracle_ros1.actionmessages import ActionStream, ActionTypes, text_of
 from oracle_ros1.actionstatus import accepted, word
 from oracle_ros1.codec import CodecError
-from oracle_ros1.observed import header_of, headers
+from oracle_ros1.headers import header_of, headers, node_of
 from oracle_ros1.shared import Shared
 from oracle_ros1.statusarray import StatusArray
 from oracle_ros1.unheard import Unheard
@@ -70,7 +70,7 @@ class ActionEvents:
         except CodecError as error:
             with self._replying:
                 self._lost[kind].add()
-                self._unread[header_of(message).get("callerid", "an unknown node")] = str(error)
+                self._unread[node_of(header_of(message))] = str(error)
             return None
 
     def event(
@@ -157,7 +157,7 @@ class ActionEvents:
         nodes = set()
         for kind, subscriber in subscribers.items():
             for header in headers(subscriber):
-                nodes.add(header.get("callerid", "an unknown node"))
+                nodes.add(node_of(header))
                 try:
                     self.types.check(kind, header)
                 except CodecError as error:

@@ -14,7 +14,7 @@ from oracle_ros1.actionmessages import Goal, Said, covers
 from oracle_ros1.actionshown import ShownStatuses
 from oracle_ros1.actionstatus import status
 from oracle_ros1.actiontopics import ActionTopics
-from oracle_ros1.observed import Header
+from oracle_ros1.headers import Header
 
 AWAY = 2.0
 """Seconds that a server may take to be connected, or to come back."""

@@ -16,8 +16,8 @@ from oracle_adapter.passing import Passing
 
 from oracle_ros1.codec import CodecError, lacking, reader
 from oracle_ros1.definitions import lookup_installed, ros1_name
+from oracle_ros1.headers import Header, header_of, node_of
 from oracle_ros1.layout import screener
-from oracle_ros1.observed import Header, header_of
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import misplaced, stamp_reader
 from oracle_ros1.statusarray import ArrayReader
@@ -59,7 +59,7 @@ class ActionTypes:
                 return self._statuses.read(message)
             return self._read(kind, message._buff)  # noqa: SLF001 - rospy's own interface
         except Exception as error:  # whatever another node sends
-            raise CodecError(f"{_node(header_of(message))} publishes what can't be read: {error}") from error
+            raise CodecError(f"{node_of(header_of(message))} publishes what can't be read: {error}") from error
 
     def _read(self, kind: str, came: bytes) -> Any:
         if kind == "cancel":
@@ -77,7 +77,7 @@ class ActionTypes:
             what = f"another version of {name} than is installed here"
             if header.get("type") != name:
                 what = f"{header.get('type') or 'what has no type'}, and the spec says {name}"
-            raise CodecError(f"nothing of {_node(header)} can be read: it publishes {what}")
+            raise CodecError(f"nothing of {node_of(header)} can be read: it publishes {what}")
 
 
 class ActionStream:
@@ -129,10 +129,6 @@ def _installed(name: str, kind: str) -> Any:
         package, _, action = name[: -len("Action")].partition("/")
         hint = f"The type of an action is called as its file is, as {package}/action/{action}, and not {name}"
         raise CodecError(f"{error} {hint}") from error
-
-
-def _node(header: Header) -> str:
-    return header.get("callerid", "an unknown node")
 
 
 def _wanted(kind: str, stream: Optional[Stream]) -> Optional[Iterable[str]]:

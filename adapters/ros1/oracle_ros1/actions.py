@@ -10,7 +10,8 @@ from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import ActionEvents, Event
 from oracle_ros1.actionstatus import Statuses
-from oracle_ros1.observed import deafen, header_of, headers
+from oracle_ros1.headers import header_of, headers, node_of
+from oracle_ros1.observed import deafen
 from oracle_ros1.shared import Shared
 from oracle_ros1.unserved import UnservedAction
 
@@ -83,7 +84,7 @@ class LoggedAction:
             if goal_id:
                 self._events.expect_reply(goal_id, call)
             else:
-                node = header_of(message).get("callerid", "an unknown node")
+                node = node_of(header_of(message))
                 self._nameless = f"{node} sends goals without an id: {_NAMELESS}"
 
     def _take_cancel(self, message: rospy.AnyMsg) -> None:

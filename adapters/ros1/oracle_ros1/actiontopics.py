@@ -10,7 +10,8 @@ import rospy
 from oracle_ros1.actionmessages import ActionTypes
 from oracle_ros1.actions import Take, connected, subscribed
 from oracle_ros1.codec import CodecError
-from oracle_ros1.observed import Header, deafen, header_of, headers
+from oracle_ros1.headers import Header, header_of, headers
+from oracle_ros1.observed import deafen
 from oracle_ros1.slow import DEPTH
 
 TO_SERVER = ("goal", "cancel")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from typing import Any, Mapping, Optional
+from typing import Any, Optional
 
 import genpy.dynamic
 import roslib.message
 
 from oracle_ros1.codec import CodecError, Lookup
+from oracle_ros1.headers import Header, node_of
 
 _generating = threading.Lock()  # genpy writes modules and changes the path where they are looked for
 
@@ -56,15 +57,15 @@ def lookup_installed(name: str) -> Any:
     return found.type
 
 
-def sent_definition(header: Mapping[str, str]) -> Definition:
+def sent_definition(header: Header) -> Definition:
     """The class that a publisher's connection header defines. Raises `CodecError`."""
     name, text = header.get("type", ""), header.get("message_definition", "")
     try:
         with _generating:
             classes = genpy.dynamic.generate_dynamic(name, text)
     except Exception as error:  # genpy imports what it makes of a text that another node sends
-        raise CodecError(f"{name} as {header.get('callerid')} defines it can't be read: {error}") from error
+        raise CodecError(f"{name} as {node_of(header)} defines it can't be read: {error}") from error
     made = classes[name]
     if made._md5sum != header.get("md5sum"):  # noqa: SLF001 - genpy's own interface
-        raise CodecError(f"the definition of {name} that {header.get('callerid')} sends is not that of its messages")
+        raise CodecError(f"the definition of {name} that {node_of(header)} sends is not that of its messages")
     return Definition(made, classes.__getitem__)

@@ -6,13 +6,15 @@ import socket
 import threading
 from collections import defaultdict
 from contextlib import suppress
-from typing import Any, Callable, DefaultDict, Mapping
+from typing import Any, Callable, DefaultDict
 from urllib.parse import urlsplit
 
 import rospy
 from oracle_adapter.unread import Recent
 from rospy.impl import tcpros_service
 from rospy.impl.tcpros_base import TCPROSServer
+
+from oracle_ros1.headers import Header, node_of
 
 SAID_WITHIN = 10.0
 """Seconds that one may take to say its header."""
@@ -42,11 +44,11 @@ def note_refused_callers() -> None:
     """Have it noted in `MISCALLED` who calls by another definition; to be called before there is a node."""
     answer = tcpros_service.service_connection_handler
 
-    def handle(connection: socket.socket, address: Any, header: Mapping[str, str]) -> Any:
+    def handle(connection: socket.socket, address: Any, header: Header) -> Any:
         why = answer(connection, address, header)
         service = tcpros_service.get_service_manager().get_service(header.get("service"))
         if why and service and header.get("md5sum", "") not in ("", service.service_class._md5sum):  # noqa: SLF001
-            caller, kind = header.get("callerid"), service.service_class._type  # noqa: SLF001 - genpy's own interface
+            caller, kind = node_of(header), service.service_class._type  # noqa: SLF001 - genpy's own interface
             MISCALLED[service.resolved_name].add(
                 f"{caller} calls {service.resolved_name} by another type than {kind}, or another definition of it than "
                 "is installed here: it gets an error"

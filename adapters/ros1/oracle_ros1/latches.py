@@ -10,7 +10,7 @@ from typing import Callable, Dict, Iterable, List
 
 import rospy
 
-from oracle_ros1.observed import Header, header_of
+from oracle_ros1.headers import Header, header_of
 
 
 class Latches(rospy.SubscribeListener):  # type: ignore[misc] # rospy has no types

@@ -12,7 +12,8 @@ from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
-from oracle_ros1.observed import deafen, headers
+from oracle_ros1.headers import headers, node_of
+from oracle_ros1.observed import deafen
 from oracle_ros1.parts import Part, make_part, names_on_graph
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import on_back, simulated_now, wall_now
@@ -109,7 +110,7 @@ class Monitor:
             doubt = wall_doubt(self._graph.publishers(rospy.resolve_name("/clock")), BY_CLOCK)
             self._board.trouble(SIMULATED, "", doubt)
             return doubt
-        tellers = {str(header.get("callerid")) for header in headers(self._jumps)}
+        tellers = {node_of(header) for header in headers(self._jumps)}
         self._board.trouble(SIMULATED, self._silent.look() or self._torn.look(sorted(tellers)))
         return ""
 

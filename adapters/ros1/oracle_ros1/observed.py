@@ -14,10 +14,9 @@ from oracle_adapter.unread import Unread
 
 from oracle_ros1.codec import CodecError, Read, lacking, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
+from oracle_ros1.headers import Header, header_of, node_of
 from oracle_ros1.layout import Screen, screener
 from oracle_ros1.stamps import USUAL_STAMPS, Now, misplaced, stamp_reader
-
-Header = Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -90,13 +89,13 @@ class Observed:
                 except CodecError as error:
                     self._unusable[defined] = str(error)
             found = self._decoders.get(key) or self._unusable[defined]
-        return f"nothing of {header.get('callerid')} can be read: {found}" if isinstance(found, str) else found
+        return f"nothing of {node_of(header)} can be read: {found}" if isinstance(found, str) else found
 
     def refuse(self, header: Header, why: str) -> None:
         """Count a message that nothing can decode as lost; the next look tells why."""
         with self._deciding:
             self._unread.add()
-            self._refused[header.get("callerid", "an unknown node")] = why
+            self._refused[node_of(header)] = why
 
     def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Optional[Tuple[Stamp, Any, int]]:
         """The stamp and the data of a message's event, and how many were lost before it.
@@ -114,7 +113,7 @@ class Observed:
             stamp = decoder.stamp(decoded) if decoder.stamp else None
             data = " " * ((self._frame or 0) + 1) if is_too_long else decoder.read(decoded)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
-            node = header_of(message).get("callerid", "an unknown node")
+            node = node_of(header_of(message))
             with self._deciding:
                 self._unread.add()
                 self.unreadable[node] = f"{node} publishes what can't be read: {error}"
@@ -125,7 +124,7 @@ class Observed:
 
     def troubles(self, publishers: Iterable[Header]) -> List[str]:
         """What is wrong with what these publish, by their headers or by their messages."""
-        nodes = {header.get("callerid", "an unknown node"): self.decoder(header) for header in publishers}
+        nodes = {node_of(header): self.decoder(header) for header in publishers}
         with self._deciding:
             self.unreadable = {node: why for node, why in self.unreadable.items() if node in nodes}
             refused, self._refused = self._refused, {}
@@ -168,20 +167,8 @@ class Observed:
         return Decoder(found, screened, read, stamp, unread, idle=stamp is None and self._fields == [])
 
 
-def header_of(message: rospy.AnyMsg) -> Header:
-    """The connection header of a message's publisher."""
-    header: Header = message._connection_header  # noqa: SLF001 - rospy's own interface
-    return header
-
-
 def deafen(subscriber: rospy.Subscriber) -> None:
     """Have nothing more taken, and ask nobody: to unregister, the master must answer."""
     if subscriber.impl and subscriber.callback is not None:
         callback, subscriber.callback = subscriber.callback, None
         subscriber.impl.remove_callback(callback, subscriber.callback_args)
-
-
-def headers(subscriber: rospy.Subscriber) -> List[Header]:
-    """The connection headers of the publishers that are connected."""
-    connections = subscriber.impl.connections if subscriber.impl else []
-    return [header for header in (c.header for c in connections or []) if header and "error" not in header]

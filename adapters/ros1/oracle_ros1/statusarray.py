@@ -14,7 +14,7 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 from std_msgs.msg import Header
 
-from oracle_ros1.observed import header_of
+from oracle_ros1.headers import header_of
 
 _NUMBER = struct.Struct("<I")
 _SEQ_AND_STAMP, _STAMP, _STATUS = 12, 8, 1

@@ -15,8 +15,9 @@ from oracle_adapter.monitors import OWN, circle_text, doubt_text, refuse_own
 from oracle_adapter.passing import Passing
 from oracle_adapter.unpublished import Unpublished
 
+from oracle_ros1.headers import Header, header_of, headers, node_of
 from oracle_ros1.latches import Latches, latching
-from oracle_ros1.observed import Decoder, Header, Observed, deafen, header_of, headers
+from oracle_ros1.observed import Decoder, Observed, deafen
 from oracle_ros1.shared import Shared
 from oracle_ros1.slow import DEPTH, keep_room
 from oracle_ros1.unheard import Ungiven, Unheard
@@ -41,7 +42,7 @@ class LoggedTopic:
         self._link.lost(self._observed.overdue())
         self._silence.look(lambda: bool(publishers), self._graph.published)
         if self._has_monitors:
-            others = {str(header.get("callerid")) for header in publishers} - {rospy.get_name()}
+            others = {node_of(header) for header in publishers} - {rospy.get_name()}
             self._doubt = doubt_text(self._graph.doubtful, others)
         return "; ".join([*self._observed.troubles(publishers), *self._missing.look([self._subscriber])])
 
@@ -167,7 +168,7 @@ class FilteredTopic:
             return decoder
         publisher = self._publish(decoder)
         if publisher.md5sum != decoder.digest:
-            return f"{header.get('callerid')} publishes another version of {header.get('type')} than is given"
+            return f"{node_of(header)} publishes another version of {header.get('type')} than is given"
         self._ready = {**self._current(), id(header): (header, decoder)}
         return decoder
 

@@ -7,7 +7,7 @@ from typing import Dict, Iterable, Iterator, List, Optional, Tuple
 import rospy
 
 from oracle_ros1.graph import Graph
-from oracle_ros1.observed import headers
+from oracle_ros1.headers import headers
 
 ANSWERS = 5
 """Of the master, one a second, in which a publisher may be missing: one that has just come is connected to soon."""
