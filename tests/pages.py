@@ -169,15 +169,17 @@ class Reader:
 
     def _here(self, text: str) -> str:
         """What a page has, as it is in the test."""
-        for word, here in self._words.items():
-            text = text.replace(word, here)
-        return text
+        return _replaced(text, self._words)
 
     def _there(self, text: str) -> str:
         """What the test has, as it is on a page."""
-        for word, here in self._words.items():
-            text = text.replace(here, word)
-        return text
+        return _replaced(text, {here: word for word, here in self._words.items()})
+
+
+def _replaced(text: str, words: Mapping[str, str]) -> str:
+    """A text with others in place of some words, all at once: a port may have in it another one that a page names."""
+    longest = sorted(words, key=len, reverse=True)
+    return re.sub("|".join(map(re.escape, longest)), lambda found: words[found[0]], text) if words else text
 
 
 def difference(shown: list[str], printed: str) -> str:

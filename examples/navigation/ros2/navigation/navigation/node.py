@@ -2,7 +2,6 @@
 
 import signal
 from collections.abc import Callable
-from contextlib import suppress
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -18,16 +17,17 @@ DEPTH = 100  # messages that a topic keeps for a slow subscriber
 def run(make: Callable[[], Node]) -> None:
     """Spin a node until it raises SystemExit, or SIGINT or SIGTERM tells it to stop.
 
-    Both signals become a KeyboardInterrupt: rclpy's own handlers shut ROS down at once, and a
-    callback that is about to publish then fails.
+    Both signals are seen between two turns: rclpy's own handlers shut ROS down at once, and a callback
+    that is about to publish then fails; a KeyboardInterrupt may come within rclpy's own code.
     """
+    told: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, lambda number, _: told.append(number))
     ros = rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    with suppress(KeyboardInterrupt), ros, make() as node, SingleThreadedExecutor() as executor:
+    with ros, make() as node, SingleThreadedExecutor() as executor:
         executor.add_node(node)
-        while True:
-            executor.spin_once(timeout_sec=0.2)  # a signal is seen between two turns
+        while not told:
+            executor.spin_once(timeout_sec=0.2)
 
 
 def fault_of(node: Node) -> str:
