@@ -16,6 +16,7 @@ from oracle_server import __version__
 from oracle_server.cli import history, reading, replay, serving, specs, token
 from oracle_server.cli.unforeseen import unforeseen
 from oracle_server.core.errors import OracleError, one_line
+from oracle_server.process.shortage import shortage
 
 _CUT_OFF = 128 + 13
 """The exit status where whatever reads the output has ended, as `head` does: a shell's for SIGPIPE."""
@@ -48,8 +49,6 @@ _STARTING = 20_000
 """New objects between two collections of garbage; by Python's default of 700 they take a fifth of a command's start."""
 _POSIX = {"fcntl", "resource"}
 """Modules that Windows lacks, and that only what runs a server imports."""
-_NO_THREAD = "can't start new thread"
-"""What Python says where the system gives it none."""
 histories = typer.Typer(help="What is done with histories that no server uses.", add_completion=False)
 tokens = typer.Typer(help="Manage the tokens of a server, which stores only their hashes.", add_completion=False)
 
@@ -153,10 +152,7 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename is not None else "can't go on: "
         return f"{where}{error.strerror or error}"
-    if isinstance(error, MemoryError) or str(error) == _NO_THREAD:
-        what = "memory is" if isinstance(error, MemoryError) else "threads are"
-        return f"more {what} needed than there {what.split()[1]}, or than this user or container may have"
-    return unforeseen(error)
+    return shortage(error) or unforeseen(error)
 
 
 def _fail(message: str) -> int:

@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import HistoryError, SpecError
+from oracle_server.process.shortage import shortage
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import why
 
@@ -90,6 +91,15 @@ def install(app: FastAPI) -> None:
     async def _history(_: Request, error: HistoryError) -> JSONResponse:
         log.error("the history can't be read", reason=str(error))
         return problem(503, str(error))
+
+    @app.exception_handler(MemoryError)
+    @app.exception_handler(RuntimeError)
+    async def _short(_: Request, error: Exception) -> JSONResponse:
+        short = shortage(error)
+        if short is None:
+            raise error
+        log.error("a request could not be answered", reason=short)
+        return problem(503, short)
 
     @app.exception_handler(Exception)
     async def _bug(_: Request, __: Exception) -> JSONResponse:

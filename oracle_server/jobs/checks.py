@@ -11,6 +11,7 @@ from typing import NamedTuple
 import msgspec
 
 from oracle_server.core.errors import Finding, SpecError
+from oracle_server.process.rlimits import bound, memory
 from oracle_server.process.worker import receive, send, step_back
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
@@ -57,13 +58,13 @@ def checked(request: Request, types: Types | None) -> Checked:
 def main() -> None:
     """Answer on the standard output what is asked on the standard input, until its end; arguments are type folders."""
     step_back(_NICE)
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    bound(resource.RLIMIT_AS, _MEMORY)
     types = Types([Path(folder) for folder in sys.argv[1:]])
     while request := receive(sys.stdin.buffer):
         try:
             answer = checked(_request(request), types)
         except MemoryError:
-            answer = Checked(error=f"it needs more than {_MEMORY >> 30} GiB of memory")
+            answer = Checked(error=f"it needs more than {memory(_MEMORY)}")
         try:
             send(sys.stdout.buffer, answer)
         except BrokenPipeError:

@@ -18,6 +18,7 @@ from oracle_server.core.verdicts import Judged
 from oracle_server.history.episodes import going_on, stored_episodes
 from oracle_server.history.records import Document, StoredStep, stored, stored_revision
 from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
+from oracle_server.process.rlimits import bound, memory
 from oracle_server.process.worker import receive, send, step_back, unpacked
 from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.opening import open_recording
@@ -255,7 +256,7 @@ def _why(task: Task, error: BaseException) -> str:
     if isinstance(error, OracleError):
         return "; ".join(_named(task, str(error).splitlines()))
     if isinstance(error, MemoryError):
-        return f"{task.name}: it needs more than {MEMORY >> 30} GiB of memory"
+        return f"{task.name}: it needs more than {memory(MEMORY)}"
     if isinstance(error, OverflowError):
         return f"{task.name}: it has a whole number beyond 64 bits, which can't be kept"
     assert isinstance(error, OSError)  # noqa: S101 -- as `_FAILURES` has it
@@ -287,9 +288,9 @@ def main() -> None:
     """Judge what the standard input asks for."""
     step_back(_NICE)
     task = _task(receive(sys.stdin.buffer))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (task.most_bytes, task.most_bytes))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    bound(resource.RLIMIT_AS, MEMORY)
+    bound(resource.RLIMIT_FSIZE, task.most_bytes)
+    bound(resource.RLIMIT_CORE, 0)
     os.environ["TMPDIR"] = str(Path(unpacked(task.recording)).parent)  # what is unpacked goes with it
     judge(task, Telling().tell)
 

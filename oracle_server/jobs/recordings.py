@@ -20,6 +20,7 @@ from oracle_server.jobs.checking import CrowdedError
 from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
 from oracle_server.jobs.judge import Judge, JudgeError
 from oracle_server.jobs.uploads import Uploads
+from oracle_server.process.shortage import shortage
 from oracle_server.process.worker import packed
 from oracle_server.sessions.opening import Begun
 from oracle_server.sessions.recorded import RecordedSession
@@ -198,9 +199,10 @@ class Recordings:
             state, one.error = "cancelled", self._why()
         except OracleError as error:
             one.error = str(error)
-        except Exception:
-            log.exception("a recording can't be judged", recording=one.id)
-            one.error = "the server failed to judge it; see its log"
+        except Exception as error:
+            short = shortage(error)
+            log.error("a recording can't be judged", recording=one.id, reason=short, exc_info=short is None)
+            one.error = short or "the server failed to judge it; see its log"
         finally:
             await asyncio.shield(asyncio.create_task(self._finish(one, judging, path, state)))
 
