@@ -92,15 +92,7 @@ def install(app: FastAPI) -> None:
         log.error("the history can't be read", reason=str(error))
         return problem(503, str(error))
 
-    @app.exception_handler(MemoryError)
-    @app.exception_handler(RuntimeError)
-    async def _short(_: Request, error: Exception) -> JSONResponse:
-        short = shortage(error)
-        if short is None:
-            raise error
-        log.error("a request could not be answered", reason=short)
-        return problem(503, short)
-
     @app.exception_handler(Exception)
-    async def _bug(_: Request, __: Exception) -> JSONResponse:
-        return problem(500, "the server failed to answer; see its log")
+    async def _bug(_: Request, error: Exception) -> JSONResponse:
+        short = shortage(error)
+        return problem(503, short) if short else problem(500, "the server failed to answer; see its log")

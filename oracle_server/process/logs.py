@@ -19,6 +19,7 @@ from oracle_server.core.errors import HistoryError, OracleError, one_line
 from oracle_server.process.loglines import LogLines, by_handler, to_standard_error
 from oracle_server.process.seldom import SeldomFilter
 from oracle_server.process.settings import Settings
+from oracle_server.process.shortage import shortage
 
 MAX_SIZE = 10 * 2**20
 """Bytes of a log file before it is rotated."""
@@ -105,7 +106,7 @@ def _file(path: Path) -> RotatingFileHandler:
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:
-    """Log as it is what is no error of the server: malformed text, an answer that was cut off, a refusal."""
+    """Log as it is what is no error of the server: malformed text, an answer cut off, a shortage, a refusal."""
     if record.getMessage().startswith("Invalid UTF-8"):
         record.exc_info = None
     elif record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):
@@ -114,6 +115,9 @@ def _without_traceback(record: logging.LogRecord) -> bool:
     elif record.exc_info and isinstance(reason := getattr(record.exc_info[1], "__cause__", None), HistoryError):
         record.exc_info = None  # its status had been sent already
         record.msg, record.args = "an answer was cut off: the history can't be read: %s", (reason,)
+    elif record.exc_info and isinstance(error := record.exc_info[1], Exception) and (short := shortage(error)):
+        record.exc_info = None
+        record.msg, record.args = "a request could not be answered: %s", (short,)
     elif record.getMessage() == _REFUSED:
         record.levelno, record.levelname = logging.WARNING, "WARNING"
         record.msg, record.args = "a WebSocket was refused; the answer told its client why", ()
