@@ -151,7 +151,9 @@ def test_who_does_not_read_the_log_stops_nothing_and_is_told_what_was_lost() -> 
     assert process.returncode == 0
     assert len(lines) < 20_000
     *kept, told = [line["event"] for line in lines]
-    assert [line[:5] for line in kept] == [f"{number:05}" for number in range(len(kept))]
+    numbers = [int(line[:5]) for line in kept]  # what is taken while the pipe has room makes room for later ones
+    assert numbers == sorted(set(numbers))
+    assert numbers[:1_000] == list(range(1_000))
     assert told == f"{20_000 - len(kept)} lines of the log were lost: it was not written in time"
 
 
