@@ -49,7 +49,7 @@ class Client:
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
-        self._shown = re.sub("//[^/]*@", "//…@", self._url)  # not the password of a proxy
+        self._shown = re.sub("^(https?)://[^/]*@", r"\1://…@", self._url)  # not the password of a proxy
         if not self._url.lower().startswith(_SCHEMES):
             what = "write http://HOST:PORT, as http://127.0.0.1:8642, or unix:///PATH"
             raise ServerUnreachableError(f"--url or ORACLE_URL: '{url}' is no address of a server; {what}")

@@ -53,7 +53,6 @@ class Judge(Blaming):
         self._decides, self._knows_first = decides, order == orders(plan.spec)[-1]
         self._measures = any(provides(engine, Measuring) for engine in engines)
         self._held = Holding()
-        """By monitor; the monitor with the latest event is the last one."""
         self._derived = Derived(plan.derived)
         self._degraded = False
         ordering = plan.spec.ordering

@@ -55,6 +55,7 @@ class Returning:
     def came(self, monitor: str, now: int) -> None:
         """Note that a monitor is connected."""
         if monitor in self._awaited:
+            self._forget(monitor)
             self._behind[monitor] = behind = _Behind(next(self._numbers), monitor, now, now)
             self._told.add(behind)
             self._until.add(behind)

@@ -114,20 +114,26 @@ def _shown(name: _Name) -> str:
 def _compared_in(stream: StreamSpec, expression: Expression) -> Iterator[tuple[_Rows, _Name]]:
     """The rows of messages that an expression compares with names that are written out, with these."""
     lists = {} if stream.each is None else _variable("item", stream.read(stream.each).tree)
-    nodes = tree.walk(expression.tree)
-    for node in nodes:
-        if isinstance(node, tree.Loop):
-            lists |= _variable(node.variable, node.of)
-    for node in nodes:
-        if isinstance(node, tree.Compare) and node.mark in ("==", "!=", "in"):
-            for row, other in ((node.left, node.right), (node.right, node.left)):
-                found = _field_of(row, lists)
-                if node.mark == "in" and isinstance(node.right, tree.Path):
-                    found = (node.right.names, ()) if row is node.right else None
-                for value in other.items if isinstance(other, tree.ListOf) else (other,):
-                    name = value.value if isinstance(value, tree.Literal) else None
-                    if found is not None and isinstance(name, str | int) and not isinstance(name, bool):
-                        yield _Rows(stream.key, *found), name
+    for compare, known in _comparisons(expression.tree, lists):
+        for row, other in ((compare.left, compare.right), (compare.right, compare.left)):
+            found = _field_of(row, known)
+            if compare.mark == "in" and isinstance(compare.right, tree.Path):
+                found = (compare.right.names, ()) if row is compare.right else None
+            for value in other.items if isinstance(other, tree.ListOf) else (other,):
+                name = value.value if isinstance(value, tree.Literal) else None
+                if found is not None and isinstance(name, str | int) and not isinstance(name, bool):
+                    yield _Rows(stream.key, *found), name
+
+
+def _comparisons(node: tree.Node, lists: Mapping[str, _Path]) -> Iterator[tuple[tree.Compare, Mapping[str, _Path]]]:
+    """The comparisons in an expression, each with the lists that the variables around it go through, by their names."""
+    if isinstance(node, tree.Compare) and node.mark in ("==", "!=", "in"):
+        yield node, lists
+    inner = lists
+    if isinstance(node, tree.Loop):  # its variable may be one of another loop, too
+        inner = {k: v for k, v in lists.items() if k != node.variable} | _variable(node.variable, node.of)
+    for each in tree.children(node):
+        yield from _comparisons(each, lists if isinstance(node, tree.Loop) and each is node.of else inner)
 
 
 def _variable(name: str, of: tree.Node) -> dict[str, _Path]:

@@ -52,6 +52,10 @@ def doubts(
         ("msg.status.exists(x, x.name == 'lidar' && x.level > 0)", f'compares name of msg.status with "lidar", {HAD}'),
         ("!msg.status.all(x, x.h.name != 'lidar' || x.level == 0)", f'h.name of msg.status with "lidar", {HAD}'),
         ("size(msg.status.filter(x, 'lidar' == x.name)) > 0", f'compares name of msg.status with "lidar", {HAD}'),
+        (
+            "msg.status.exists(x, x.name == 'lidar' && x.level > 0) || msg.q.exists(x, x > 9)",
+            f'compares name of msg.status with "lidar", {HAD}',
+        ),
         ("msg.names.exists(n, n == 'lidar')", f'compares the elements of msg.names with "lidar", {HAD}'),
         ("'lidar' in msg.names", f'compares the elements of msg.names with "lidar", {HAD}'),
         ("msg.status.exists(x, x.id == 5 && x.level > 0)", "id of msg.status with 5, which it never was: it was 3"),
