@@ -11,6 +11,10 @@ from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import GOAL_ID, KINDS, REVISION, STATUS, TICK, Status, StepKind
 
 Order = Literal["publication", "arrival"]
+By = Literal[Order, "both"]
+"""What a session is ordered by."""
+TimeBase = Literal["wall", "sim"]
+"""The time base of a monitor's clock: wall time, or the time of a simulation."""
 Released = Literal["frontier", "clock", "max_delay", "capacity"]
 """Why the order of publication released an event: what all streams had shown or said, or what it waited for in vain."""
 Signals = Mapping[str, Scalar]

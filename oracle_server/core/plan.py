@@ -14,13 +14,13 @@ from typing import Protocol
 from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.layout import Layout, Part, parts, watched
-from oracle_server.core.events import TICKS, Projected, StreamKey
+from oracle_server.core.events import TICKS, By, Projected, StreamKey
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import GROUPS, KINDS, OWN, RESERVED, Kind
 from oracle_server.core.reach import Reach
 from oracle_server.core.signals import DefaultProjection, Projection, RowProjection
-from oracle_server.core.spec import By, Spec, StreamSpec
+from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.stamps import DEFAULT_PATHS
 
 _Keys = frozenset[str]

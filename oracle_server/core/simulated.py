@@ -7,13 +7,10 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Literal
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.spec import StreamSpec
 
-TimeBase = Literal["wall", "sim"]
-"""The time base of a monitor's clock: wall time, or the time of a simulation."""
 _LATEST = 2**63 - 1
 """As late as a time can be."""
 _TOLD_APART = 256

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 from oracle_server.core.derived.definition import Definition
-from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.events import By, Order, StreamKey
 from oracle_server.core.expression import Expression, parse_expression
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
@@ -23,7 +23,6 @@ SECOND = 10**9
 HORIZON = 2 * SECOND
 GAP = SECOND
 LONGEST_HORIZON = 3600 * SECOND
-By = Literal["publication", "arrival", "both"]
 SILENT = Atom(())
 """The formula of a property that an external oracle judges; nothing reads it."""
 

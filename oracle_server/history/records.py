@@ -9,12 +9,10 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import Event, Order, Step, StreamKey
+from oracle_server.core.events import By, Event, Order, Step, StreamKey, TimeBase
 from oracle_server.core.kinds import TICK
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Change, Revision, Standing
-from oracle_server.core.simulated import TimeBase
-from oracle_server.core.spec import By
 from oracle_server.core.verdicts import Decision, Judged, Outcome, Verdict, explain
 
 Document = dict[str, Any]

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import msgspec
 
-from oracle_server.core.events import Order
+from oracle_server.core.events import By, Order
 from oracle_server.core.revisions import Revision
-from oracle_server.core.spec import By
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.records import Document, StoredStep
 

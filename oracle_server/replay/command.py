@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from oracle_server.core.errors import OracleError, one_line
-from oracle_server.core.spec import By
+from oracle_server.core.events import By
 from oracle_server.core.units import counted
 from oracle_server.history.views import View
 from oracle_server.process.progress import progress

@@ -10,14 +10,14 @@ from types import MappingProxyType
 from typing import Any
 
 from oracle_server.core.errors import TraceError
-from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.events import By, Event, Step, StreamKey
 from oracle_server.core.formula.tree import Bound, Next, Pre, Scalar, walk
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.session import Session
-from oracle_server.core.spec import By, Property, Spec, orders
+from oracle_server.core.spec import Property, Spec, orders
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged

@@ -14,12 +14,11 @@ import structlog
 
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.engine import Answer
-from oracle_server.core.events import Order, Step, StreamKey
+from oracle_server.core.events import Order, Step, StreamKey, TimeBase
 from oracle_server.core.numbering import JUDGED, Numbering
 from oracle_server.core.plan import Plan
 from oracle_server.core.revise.kept import MOST
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import orders
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.table import make_engines

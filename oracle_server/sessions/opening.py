@@ -10,8 +10,8 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import NamedTuple
 
 from oracle_server.core.errors import HistoryError, OracleError
-from oracle_server.core.events import Order
-from oracle_server.core.spec import UNREACHABLE, By
+from oracle_server.core.events import By, Order
+from oracle_server.core.spec import UNREACHABLE
 from oracle_server.history.port import History
 from oracle_server.history.records import Kind, SessionRecord
 from oracle_server.process.clock import Clock

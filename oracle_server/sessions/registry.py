@@ -11,9 +11,9 @@ from typing import Any
 import structlog
 
 from oracle_server.core.errors import OracleError, SpecError
+from oracle_server.core.events import By
 from oracle_server.core.plan import Plan, judged_by
 from oracle_server.core.session import Session
-from oracle_server.core.spec import By
 from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
 from oracle_server.history.readers import reading_for

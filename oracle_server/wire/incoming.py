@@ -8,8 +8,8 @@ import msgspec
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import ErrorDetails
 
+from oracle_server.core.events import TimeBase
 from oracle_server.core.kinds import Kind, Status
-from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import IDENTIFIER
 
 SUBPROTOCOL = "oracle.v1"

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 import oracle_server
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import StreamKey
-from oracle_server.core.spec import By
+from oracle_server.core.events import By, StreamKey
 from oracle_server.core.verdicts import FINAL, Decision, Outcome
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History

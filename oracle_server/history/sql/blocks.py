@@ -21,7 +21,6 @@ from oracle_server.history.blocks import (
     LEVELS,
     SIZE,
     Block,
-    BlockRow,
     merged,
     of_columns,
     of_rows,
@@ -32,23 +31,10 @@ from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sql.schema import STEP_COLUMNS
 from oracle_server.history.sql.statements import upsert
+from oracle_server.history.sql.timeline import BLOCKS, COLUMNS, EXTENT, ROWS
 
 CATCH_UP = 1_024
 """Rows without blocks that are caught up with at once; with more a session waits for those who catch up."""
-COLUMNS = ["ord" if name == "order" else name for name in BlockRow._fields]
-"""Of a step, those that blocks are made of."""
-ROWS = f"SELECT {','.join(COLUMNS)} FROM steps WHERE session = ? AND position BETWEEN ? AND ? ORDER BY position"  # noqa: S608
-BLOCKS = (
-    "SELECT block, since, until, worst, degraded, data FROM blocks "
-    "WHERE session = ? AND level = ? AND block BETWEEN ? AND ? ORDER BY block"
-)
-EXTENT = (
-    "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
-    "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0), "
-    "(SELECT min(block) FROM blocks WHERE session = ?1 AND level = 0), "
-    "(SELECT max(block) FROM blocks WHERE session = ?1 AND level = 0)"
-)
-"""The first and the last position of a session's steps, and the first and the last block of level 0, NULL without."""
 _COLUMNS = ("session", "level", "block", "since", "until", "worst", "degraded", "data")
 _INSERT = upsert("blocks", _COLUMNS, _COLUMNS[:3])
 _FORGET = "DELETE FROM blocks WHERE session = ? AND level = ? AND block < ?"

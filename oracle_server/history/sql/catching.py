@@ -8,9 +8,10 @@ import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.blocks import SIZE
-from oracle_server.history.sql.blocks import EXTENT, catching
+from oracle_server.history.sql.blocks import catching
 from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.reader import Reader
+from oracle_server.history.sql.timeline import EXTENT
 from oracle_server.history.sql.writer import Writer
 
 _PAUSE = 0.05

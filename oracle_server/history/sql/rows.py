@@ -11,9 +11,8 @@ from typing import Any, cast, get_args
 import msgspec
 
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import Event, Order, Source, Step, StreamKey
+from oracle_server.core.events import Event, Order, Source, Step, StreamKey, TimeBase
 from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS
-from oracle_server.core.simulated import TimeBase
 from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.letters import LETTERS, letters
 from oracle_server.history.query import Query

@@ -7,11 +7,24 @@ import msgspec
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.history.blocks import SIZE, Block, BlockRow
 from oracle_server.history.records import SessionRecord
-from oracle_server.history.sql.blocks import BLOCKS, EXTENT, ROWS
 from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.standing import revision_of
 from oracle_server.history.timeline import Question, answer
 
+COLUMNS = ["ord" if name == "order" else name for name in BlockRow._fields]
+"""Of a step, those that blocks are made of."""
+ROWS = f"SELECT {','.join(COLUMNS)} FROM steps WHERE session = ? AND position BETWEEN ? AND ? ORDER BY position"  # noqa: S608
+BLOCKS = (
+    "SELECT block, since, until, worst, degraded, data FROM blocks "
+    "WHERE session = ? AND level = ? AND block BETWEEN ? AND ? ORDER BY block"
+)
+EXTENT = (
+    "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
+    "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0), "
+    "(SELECT min(block) FROM blocks WHERE session = ?1 AND level = 0), "
+    "(SELECT max(block) FROM blocks WHERE session = ?1 AND level = 0)"
+)
+"""The first and the last position of a session's steps, and the first and the last block of level 0, NULL without."""
 _REVISIONS = "SELECT revision FROM steps WHERE session = ? AND position > ? AND revision IS NOT NULL"
 MOST_ROWS = 50_000
 """Rows without blocks that are read for an answer; where there are more, their blocks are being made."""

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, Protocol
 import msgspec
 
 from oracle_server.core.errors import OracleError, TraceError
-from oracle_server.core.spec import By
+from oracle_server.core.events import By
 from oracle_server.core.units import counted
 from oracle_server.process.progress import Show, progress
 from oracle_server.replay.command import say

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import oracle_server
 from oracle_server.core.errors import NotReadError, OracleError, TraceError, one_line
-from oracle_server.core.spec import By
+from oracle_server.core.events import By
 from oracle_server.replay.conclusion import UNUSABLE
 from oracle_server.replay.many.digest import Extent, digest, extent
 from oracle_server.replay.many.noted import Noted

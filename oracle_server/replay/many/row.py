@@ -6,8 +6,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from oracle_server.core.events import Order
-from oracle_server.core.spec import By
+from oracle_server.core.events import By, Order
 
 ErrorKind = Literal["recording", "run"]
 """Whether an error is of what the recording is, or only of this run, so that the next one tries again."""

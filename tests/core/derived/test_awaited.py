@@ -16,11 +16,11 @@ from dataclasses import replace
 import pytest
 
 from oracle_server.core.atoms import canonical
-from oracle_server.core.events import TICKS, Event, StreamKey
+from oracle_server.core.events import TICKS, By, Event, StreamKey
 from oracle_server.core.formula.ahead import looks_ahead, obligation
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.plan import plan
-from oracle_server.core.spec import SECOND, By, Property
+from oracle_server.core.spec import SECOND, Property
 from oracle_server.core.verdicts import Judged, Outcome, record
 from oracle_server.specfiles.load import parse_spec
 from tests.brute import Values
