@@ -34,12 +34,13 @@ class Ended(AssertionError):  # noqa: N818
 class Served:
     """One server and its data directory, over all the processes that serve it; they share a port."""
 
-    def __init__(self, specs: Path, data: Path, prelude: str = "", **settings: str) -> None:
+    def __init__(self, specs: Path, data: Path, prelude: str = "", early: str = "", **settings: str) -> None:
         """Serve the specs of a folder; `settings` are those of the environment, without their prefix.
 
-        `prelude` is Python that each process runs before it becomes a server.
+        `prelude` is Python that each process runs before it becomes a server, and `early` what it runs before it
+        imports anything of the product: modules may have by its name what that changes.
         """
-        self._prelude = prelude
+        self._prelude, self._early = f"{_OFTEN}\n{prelude}", early
         self.up = asyncio.Event()
         self.starts = 0
         self.log: list[dict[str, Any]] = []
@@ -95,9 +96,9 @@ class Served:
         self.up.set()
 
     def _started(self, arguments: list[str], error: int) -> subprocess.Popen[bytes] | Forked:
-        if not self._prelude and FORKS.takes(self._environment):
-            return FORKS.fork(arguments, self._environment, error, error, _OFTEN)
-        program = f"{_OFTEN}\n{self._prelude}\n{_MAIN}"
+        if not self._early and FORKS.takes(self._environment):
+            return FORKS.fork(arguments, self._environment, error, error, self._prelude)
+        program = f"{self._early}\n{self._prelude}\n{_MAIN}"
         return subprocess.Popen([sys.executable, "-c", program, *arguments], env=self._environment, stderr=error)
 
     def kill(self) -> None:

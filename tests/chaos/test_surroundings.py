@@ -74,9 +74,7 @@ async def test_a_clock_that_jumps(
     trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
 ) -> None:
     points = sorted(chance.sample(range(told(trace) * 2 // 3), 12))
-    async with Served(
-        specs(PAIR, tmp_path), tmp_path / "data", prelude=TURNED_BY_SIGNALS, resume_within="600"
-    ) as served:
+    async with Served(specs(PAIR, tmp_path), tmp_path / "data", early=TURNED_BY_SIGNALS, resume_within="600") as served:
         turns = iter([signal.SIGUSR1, signal.SIGUSR2, signal.SIGUSR2, signal.SIGUSR1] * 3)
         links = await stream_through(served, PAIR, trace, chance, points, lambda _: served.signal(next(turns)))
         assert next(turns, None) is None
