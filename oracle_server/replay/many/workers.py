@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -57,8 +57,6 @@ class Workers:
     def run(self, tasks: Sequence[Task]) -> Iterator[Said]:
         """What is said of the recordings, in any order; all of it of one before its `Ended`."""
         waiting = deque(tasks)
-        # else what they begin with is taken from this folder, as a struct.py of a bag's
-        os.environ["PYTHONSAFEPATH"] = "1"
         workers = [_Worker(self._question) for _ in range(min(self._count, len(tasks)))]
         try:
             while True:
@@ -90,6 +88,25 @@ class Workers:
         return max(0.0, first + self._timeout - time.monotonic())
 
 
+@contextmanager
+def _apart() -> Iterator[None]:
+    """What is started here is not ended by Ctrl-C, but by who starts it, and has no module of the folder it is in.
+
+    It would begin with a struct.py of a bag's otherwise. This process's environment is as it was behind it.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    safe = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if safe is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = safe
+
+
 class _Worker:
     """One process, what it judges, and since when (monotonic, s)."""
 
@@ -104,11 +121,8 @@ class _Worker:
         self._left: list[int] = []
         """The specs whose results are not there yet, in the order in which they come."""
         self._dead = False
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # whoever starts it ends it, too
-        try:
+        with _apart():
             self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
     def give(self, task: Task) -> None:
