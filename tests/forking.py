@@ -1,8 +1,9 @@
-"""Commands of the product forked from one process that has imported it: most of a start is imports, a second each time.
+"""Programs forked from one process that has imported what they need: most of a start is imports, a second each time.
 
-Run as a program it waits at the socket that is its standard input, and forks for each request. What is forked is a
-process like any other, by the environment, arguments and streams that it is given. What only the start of a Python
-sees of an environment is as it is for the first; where it is to be another, start it in the ordinary way.
+Run as a program it imports the modules that its arguments name, waits at the socket that is its standard input, and
+forks for each request; without arguments it is for the product's own command. What is forked is a process like any
+other, by the environment, arguments and streams that it is given. What only the start of a Python sees of an
+environment is as it is for the first; where it is to be another, start it in the ordinary way.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import importlib
 import json
 import os
 import re
+import runpy
 import select
 import signal
 import socket
@@ -21,6 +23,7 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 STRICT = {
     "PYTHONWARNDEFAULTENCODING": "1",
@@ -81,12 +84,22 @@ class Forked:
         return self._status
 
 
-class Forks:
-    """The process that has imported the product, which is started with the first command."""
+class Request(NamedTuple):
+    """What is to be forked; without a module it is the product's command."""
 
-    def __init__(self, python: Path, environment: Mapping[str, str]) -> None:
-        """`python` is the one that the product is installed for."""
-        self._python, self._environment = python, dict(environment)
+    arguments: list[str]
+    environment: dict[str, str]
+    folder: str
+    prelude: str
+    module: str
+
+
+class Forks:
+    """The process that has imported what is needed, which is started with the first command."""
+
+    def __init__(self, python: Path, environment: Mapping[str, str], *modules: str) -> None:
+        """`python` is the one that the product is installed for, or that has these modules."""
+        self._command, self._environment = [str(python), "-P", __file__, *modules], dict(environment)
         self._asking = threading.Lock()
         self._socket: socket.socket | None = None
 
@@ -95,15 +108,21 @@ class Forks:
         return _seen(environment) == _seen(self._environment)
 
     def fork(
-        self, arguments: Sequence[str], environment: Mapping[str, str], out: int, error: int, prelude: str = ""
+        self,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        out: int,
+        error: int,
+        prelude: str = "",
+        module: str = "",
     ) -> Forked:
-        """Run `oracle-server` with these arguments here, its output to these files.
+        """Run `oracle-server`, or a module, with these arguments here, its output to these files.
 
         `prelude` is Python that it runs before; what it changes is not seen by modules that have it by its name.
         """
         ended, end = os.pipe()
-        given = {"arguments": list(arguments), "environment": dict(environment)}
-        request = json.dumps(given | {"folder": str(Path.cwd()), "prelude": prelude}).encode()
+        asked_for = Request(list(arguments), dict(environment), str(Path.cwd()), prelude, module)
+        request = json.dumps(asked_for._asdict()).encode()
         try:
             with self._asking:
                 asked = self._started()
@@ -116,7 +135,7 @@ class Forks:
         if self._socket is None:
             self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             with theirs:
-                process = subprocess.Popen([self._python, "-P", __file__], stdin=theirs.fileno(), env=self._environment)
+                process = subprocess.Popen(self._command, stdin=theirs.fileno(), env=self._environment)
             atexit.register(process.wait)
             atexit.register(self._socket.close)
         return self._socket
@@ -126,8 +145,8 @@ def _seen(environment: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environment.items() if _AT_START.match(name)}
 
 
-def _serve(requests: socket.socket) -> str | None:
-    """Fork until nobody asks any more, which is None; in what is forked, what it is to run before the product."""
+def _serve(requests: socket.socket) -> Request | None:
+    """Fork until nobody asks any more, which is None; in what is forked, what it is to be."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # those that wait need nobody that waits for them
     while True:
@@ -151,7 +170,7 @@ def _serve(requests: socket.socket) -> str | None:
     os.close(end)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _write_to(out, error)
-    return _become(**json.loads(request))
+    return _become(Request(**json.loads(request)))
 
 
 def _write_to(out: int, error: int) -> None:
@@ -160,32 +179,45 @@ def _write_to(out: int, error: int) -> None:
         os.dup2(file, number)
         os.close(file)
     sys.stdin = open(0, encoding="utf-8")  # noqa: SIM115
-    sys.stdout = open(1, "w", encoding="utf-8")  # noqa: SIM115
+    lines = 1 if os.environ.get("PYTHONUNBUFFERED") else -1
+    sys.stdout = open(1, "w", encoding="utf-8", buffering=lines)  # noqa: SIM115
     sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", buffering=1)  # noqa: SIM115
 
 
-def _become(arguments: list[str], environment: dict[str, str], folder: str, prelude: str) -> str:
+def _become(request: Request) -> Request:
     os.environ.clear()
-    os.environ.update(environment)
-    os.chdir(folder)
-    sys.argv = ["oracle-server", *arguments]
-    return prelude
+    os.environ.update(request.environment)
+    os.chdir(request.folder)
+    sys.argv = [request.module or "oracle-server", *request.arguments]
+    if request.module:
+        sys.path.insert(0, request.folder)  # as `python -m` does
+    return request
 
 
-if __name__ == "__main__":
-    import gc
-
-    for name in IMPORTED:
-        importlib.import_module(name)
+def _prepare() -> None:
+    """What all commands of the product begin with."""
     from oracle_server.api.openapi import description
-    from oracle_server.cli.commands import main
     from oracle_server.specfiles.load import load_spec
 
     for path in _SPECS.glob("*.yaml"):  # what the first one needs takes long to make, such as parsers
         load_spec(path)
     description()  # as do the first routes
+
+
+if __name__ == "__main__":
+    import gc
+
+    for name in sys.argv[1:] or IMPORTED:
+        importlib.import_module(name)
+    if not sys.argv[1:]:
+        _prepare()
     gc.freeze()
-    _prelude = _serve(socket.socket(fileno=os.dup(0)))
-    if _prelude is not None:
-        exec(_prelude)
-        main()
+    _request = _serve(socket.socket(fileno=os.dup(0)))
+    if _request is not None:
+        exec(_request.prelude)
+        if _request.module:
+            runpy.run_module(_request.module, run_name="__main__", alter_sys=True)
+        else:
+            from oracle_server.cli.commands import main
+
+            main()

@@ -70,23 +70,31 @@ def as_yaml(value: object) -> str:
 FORKS = Forks(SERVER.parent / "python", environment(ROS_ONLY, **STRICT))
 
 
-def started(command: Sequence[str], setting: Setting, out: int, error: int) -> subprocess.Popen[bytes] | Forked:
-    """A program that runs, its output to these files: the server's own are forked, where that makes no difference."""
+def started(
+    command: Sequence[str], setting: Setting, out: int, error: int, forks: Forks | None = None
+) -> subprocess.Popen[bytes] | Forked:
+    """A program that runs, its output to these files: the server's own are forked, where that makes no difference.
+
+    So are modules of this Python by `forks`.
+    """
     if command[0] == str(SERVER) and FORKS.takes(setting):
         return FORKS.fork(command[1:], setting, out, error)
+    if forks is not None and command[:2] == [sys.executable, "-m"] and forks.takes(setting):
+        return forks.fork(command[3:], setting, out, error, module=command[2])
     return subprocess.Popen(command, stdout=out, stderr=error, env=setting)
 
 
 class Process:
     """A program that runs, and what it says."""
 
-    def __init__(self, name: str, command: Sequence[object], setting: Setting) -> None:
+    def __init__(self, name: str, command: Sequence[object], setting: Setting, forks: Forks | None = None) -> None:
+        """Run it; modules of this Python are forked by `forks`."""
         self.name = name
         self._lines: list[str] = []
         self._said = threading.Condition()
         out, into = os.pipe()
         self._out = open(out, encoding="utf-8")  # noqa: SIM115 -- open to the end
-        self._process = started([str(word) for word in command], setting, into, into)
+        self._process = started([str(word) for word in command], setting, into, into, forks)
         os.close(into)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

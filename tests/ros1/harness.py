@@ -13,18 +13,23 @@ from pathlib import Path
 from typing import Any, Self
 from xmlrpc.client import ServerProxy
 
+from tests.forking import Forks
 from tests.processes import PATIENCE, ROOT, Process, Server, as_yaml, environment, eventually, held_port
 from tests.ros1 import peer
 from tests.ros1.actionpeer import Behaviour, Ended
+
+_SETTING = {"PYTHONUNBUFFERED": "1"}
+_FORKS = Forks(Path(sys.executable), environment(**_SETTING), "oracle_ros1.program", "rospy", "actionlib")
+_PEERS = multiprocessing.get_context("forkserver")
+_PEERS.set_forkserver_preload([peer.__name__])
 
 
 class Peer:
     """The test's side of a node in a process of its own."""
 
     def __init__(self, name: str, settings: dict[str, str]) -> None:
-        spawning = multiprocessing.get_context("spawn")
-        self._connection, other = spawning.Pipe()
-        self._process = spawning.Process(target=peer.main, args=(other, name, settings), daemon=True)
+        self._connection, other = _PEERS.Pipe()
+        self._process = _PEERS.Process(target=peer.main, args=(other, name, settings), daemon=True)
         self._process.start()
         other.close()
         self._calls = itertools.count()
@@ -165,7 +170,7 @@ class Scene:
                 "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
                 "ROS_IP": "127.0.0.1",
                 "ROS_LOG_DIR": str(self._folder / "ros"),
-                "PYTHONUNBUFFERED": "1",
+                **_SETTING,
             }
             self._start_master()
             self.server = Server(self._specs, self._folder / "data", held_port(begun))
@@ -192,7 +197,7 @@ class Scene:
 
     def run(self, name: str, *command: object) -> Process:
         """A program on ROS, removed at the end."""
-        process = Process(name, command, environment(**self.settings))
+        process = Process(name, command, environment(**self.settings), _FORKS)
         self._stack.callback(process.remove)
         self._processes.append(process)
         return process

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import pytest
 
+from tests.forking import Forks
 from tests.processes import (
     PATIENCE,
     ROOT,
@@ -81,6 +82,9 @@ class Peer:
         rclpy.shutdown(context=self.context)
 
 
+_FORKS = Forks(Path(sys.executable), environment(), "oracle_ros2.program", "rclpy.action")
+
+
 class Scene:
     """A domain and a server, with the processes and nodes that a test adds; at the end none is left."""
 
@@ -108,7 +112,7 @@ class Scene:
     def run(self, name: str, *command: object) -> Process:
         """A program on ROS, removed at the end."""
         settings = environment(ROS_DOMAIN_ID=str(self.domain), ROS_LOG_DIR=str(self._folder / "ros"))
-        process = Process(name, command, settings)
+        process = Process(name, command, settings, _FORKS)
         self._stack.callback(process.remove)
         self._processes.append(process)
         return process
