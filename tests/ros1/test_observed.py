@@ -290,6 +290,8 @@ def test_simulated_time_that_nobody_tells_is_told(tmp_path: Path) -> None:
         peer.advertise(Clock, "/clock")
         peer.publish("/clock", Clock(rospy.Time(10)))
         adapter.said("simulated time: recovered")
+        adapter.said(r"simulated time: time stands at 10\.000 s, so no deadline runs out")
+        eventually(lambda: scene.server.session("s")["monitors"], lambda found: "time stands at 10" in str(found))
 
 
 def test_two_uavs_in_one_session_have_their_own_names(tmp_path: Path) -> None:

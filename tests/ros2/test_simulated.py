@@ -114,6 +114,8 @@ def test_a_clock_that_does_not_come_is_told_until_it_does(tmp_path: Path) -> Non
             return "simulated time: recovered" in adapter.log
 
         peer.until(told)
+        adapter.said(r"simulated time: time stands at 100\.000 s, so no deadline runs out")
+        eventually(lambda: scene.server.session("s")["monitors"], lambda found: "time stands at 100" in str(found))
         adapter.ends_well()
 
 

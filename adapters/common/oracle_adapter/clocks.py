@@ -28,19 +28,27 @@ CLOCK_WITHIN = 5.0
 
 
 class SilentClock:
-    """Whether simulated time was never told: nothing gets old then, and no deadline runs out."""
+    """Whether simulated time stands: nothing gets old then, and no deadline runs out."""
 
     def __init__(
         self, now: Callable[[], Optional[int]], clock: Callable[[], float] = time.monotonic
     ) -> None:
         """`now` is simulated time (ns); nothing, or 0, while there is none. `clock`: seconds."""
-        self._now, self._clock, self._began = now, clock, clock()
+        self._now, self._clock = now, clock
+        self._last, self._since = now() or 0, clock()
+        self.doubt = ""
+        """That a time other than 0 stands, as of the last look: there may be a pause."""
 
     def look(self) -> str:
-        """What is wrong, empty for nothing."""
-        if self._now() or self._clock() - self._began < CLOCK_WITHIN:
-            return ""
-        return "time stands at 0, so no deadline runs out: /clock is silent, or paused"
+        """What is wrong, empty for nothing: that time stands at 0. What may be is in `doubt`."""
+        last = self._now() or 0
+        if last != self._last:
+            self._last, self._since = last, self._clock()
+        stands = self._clock() - self._since >= CLOCK_WITHIN
+        at = f"{last // 10**9}.{last // 10**6 % 1000:03} s" if last else "0"
+        text = f"time stands at {at}, so no deadline runs out: /clock is silent, or paused"
+        self.doubt = text if stands and last else ""
+        return text if stands and not last else ""
 
 
 def wall_doubt(tellers: Iterable[str], instead: str) -> str:

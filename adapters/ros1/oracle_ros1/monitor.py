@@ -93,12 +93,14 @@ class Monitor:
     def _look(self) -> None:
         """Report the streams' state."""
         time_doubt, silence = self._look_at_time(), self._graph.silence
+        standing = "" if self._jumps is None else self._silent.doubt
         self._board.trouble(MASTER, silence)
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
             by_field = any(stream.time_source == "field" for stream in part.streams)
-            trouble = "; ".join(filter(None, (silence, trouble, part.doubt, time_doubt if by_field else "")))
+            once = standing if part is self._parts[0] else ""
+            trouble = "; ".join(filter(None, (silence, trouble, part.doubt, once, time_doubt if by_field else "")))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
             for stream in part.streams:
                 self._link.report(stream.name, stream.kind, time_source=stream.time_source)
@@ -111,7 +113,8 @@ class Monitor:
             self._board.trouble(SIMULATED, "", doubt)
             return doubt
         tellers = {node_of(header) for header in headers(self._jumps)}
-        self._board.trouble(SIMULATED, self._silent.look() or self._torn.look(sorted(tellers)))
+        trouble = self._silent.look() or self._torn.look(sorted(tellers))
+        self._board.trouble(SIMULATED, trouble, self._silent.doubt)
         return ""
 
     def _renew(self) -> None:

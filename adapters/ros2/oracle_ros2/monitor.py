@@ -91,7 +91,8 @@ class Monitor:
         tellers = [full_name(info) for info in self._node.get_publishers_info_by_topic("/clock")]
         time_doubt = wall_doubt(tellers, BY_CLOCK) if self._watch is None else ""
         time_trouble = self._silent.look() or self._torn.look(tellers)
-        self._board.trouble(SIMULATED, time_trouble, time_doubt)
+        standing = "" if self._watch is None else self._silent.doubt
+        self._board.trouble(SIMULATED, time_trouble, time_doubt or standing)
         self._board.trouble(NAME, "", namesakes(self._node, self._verdict))
         alone = self._alone.look()
         self._board.trouble(GRAPH, "", alone)
@@ -99,8 +100,8 @@ class Monitor:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)
             by_field = any(stream.time_source == "field" for stream in part.streams)
-            graph_doubt = alone if part is self._parts[0] else ""  # once
-            trouble = "; ".join(filter(None, (trouble, part.doubt, graph_doubt, time_doubt if by_field else "")))
+            once = (alone, standing) if part is self._parts[0] else ()
+            trouble = "; ".join(filter(None, (trouble, part.doubt, *once, time_doubt if by_field else "")))
             self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
 
     def _renew(self) -> None:

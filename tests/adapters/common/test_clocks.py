@@ -87,6 +87,21 @@ def test_simulated_time_is_silent_where_it_is_not_told_within_some_seconds() -> 
     assert not silent.look()
 
 
+def test_simulated_time_that_stands_later_is_a_doubt_until_it_goes_on() -> None:
+    clock, now = Clock(), [0]
+    silent = SilentClock(lambda: now[0], clock)
+    doubts, at = [], 103 * 10**9
+    for now[0], passed in ((at, 0.0), (at, CLOCK_WITHIN), (at + 1, 0.0), (0, CLOCK_WITHIN)):
+        clock.now += passed
+        assert not silent.look()
+        doubts.append(silent.doubt)
+    told = "time stands at 103.000 s, so no deadline runs out: /clock is silent, or paused"
+    assert doubts == ["", told, "", ""]
+    clock.now += CLOCK_WITHIN
+    assert "time stands at 0," in silent.look()
+    assert not silent.doubt
+
+
 def test_time_that_goes_back_is_torn_where_several_tell_it() -> None:
     torn, tellers = TornClock(), ["/world", "/player"]
     assert torn.look(tellers) == ""
