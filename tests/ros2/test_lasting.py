@@ -185,3 +185,42 @@ def test_what_is_given_again_ends_with_what_was_said_last(tmp_path: Path) -> Non
         robot.until(lambda: len(heard) == 5, "it is not given again")
         assert [said.data for said in heard] == [1, 2, 3, 2, 3]
         forwarded.stop()
+
+
+@pytest.mark.parametrize("others", [[], ["b"]])  # "b": started again, before it has said anything
+def test_what_a_publisher_has_kept_goes_with_it_and_is_there_again_where_it_comes_back(
+    others: list[str], tmp_path: Path
+) -> None:
+    with Scene(tmp_path) as scene:
+        peer, robot = scene.peer(), scene.peer("robot")
+        forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/map", [kept(1)])
+
+        def publishers(count: int, sources: list[str]) -> list[Any]:
+            """Those that forward it once they are as many as these sources need, and nothing changes any more."""
+            made: list[Any] = []
+
+            def settled() -> bool:
+                before, made[:] = list(made), (one for one in peer.node.publishers if one.topic_name == "/map")
+                forwarded.look([kept(1)] * len(sources), sources)
+                return len(made) == count and made == before
+
+            peer.until(settled, f"not {count} publishers forward it")
+            return list(made)
+
+        publishers(1, ["a"])
+        forwarded.publish(msg.Int64(data=1), "a")
+        first = publishers(1, ["a"])
+        peer.until(lambda: publishers(1, others) != first, "it is kept on")
+        heard = robot.record(msg.Int64, "/map", kept(100))
+        robot.until(lambda: robot.node.count_publishers("/map") == 1 and forwarded_to(peer), "not connected")
+        forwarded.publish(msg.Int64(data=2), "b")
+        robot.until(lambda: heard, "it does not pass")
+        assert [said.data for said in heard] == [2]
+        robot.until(lambda: publishers(2, ["b", "a"]) and len(heard) == 2, "what is back is not given")
+        heard_late(robot, [1, 2])
+        forwarded.stop()
+
+
+def forwarded_to(peer: Peer) -> bool:
+    """Whether somebody is connected to what is forwarded."""
+    return any(one.get_subscription_count() for one in peer.node.publishers if one.topic_name == "/map")

@@ -11,7 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
 from oracle_ros2.endpoints import MATCHING, definition_of, full_name
-from oracle_ros2.qos import NO_EVENTS, depth_for, lasts, misfit, same, to_offer
+from oracle_ros2.qos import NO_EVENTS, ROOM, depth_for, lasts, misfit, same, to_offer
 from oracle_ros2.unmatched import Unmatched
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ class MatchedPublisher:
         self.is_told = True
         """Whether the middleware tells the sources of messages."""
         self._kept: dict[Any, deque[Any]] = {}  # what publishers keep that last; who published last comes last
+        self._left: dict[str, list[Any]] = {}  # what sources had kept that are not there; who went last comes last
         self._retired: list[Any] = []
         self._largest = 0  # of the messages so far (bytes)
         self._changed = 0.0  # when the next ones were made, or took over (s)
@@ -70,10 +71,13 @@ class MatchedPublisher:
                 self._node.destroy_publisher(publisher)
             self._publishers = self._next = self._retired = []
 
-    def look(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> str:
-        """Offer what the originals do, and return what is wrong on the topic."""
+    def look(self, originals: Sequence[QoSProfile], sources: Sequence[str] | None = None) -> str:
+        """Offer what the originals do, and return what is wrong on the topic.
+
+        `sources`: as for `match`; what one of them has kept goes with it, unless they are None.
+        """
         if self._next is not self._publishers and not self.is_told:
-            self.match(originals, sources)  # more may have come than those that the next ones were made for
+            self.match(originals, sources or ())  # more may have come than those that the next ones were made for
         if time.monotonic() - self._changed >= MATCHING:
             while self._retired:
                 self._node.destroy_publisher(self._retired.pop())
@@ -82,7 +86,9 @@ class MatchedPublisher:
                     self._retired = [one for one in self._publishers if one not in self._next]
                     self._changed = time.monotonic()
                     self._take_over()
-            self.match(originals, sources)
+            self.match(originals, sources or ())
+            if sources is not None:
+                self._forget(sources)
         return "; ".join(self._find_troubles())
 
     def match(self, originals: Sequence[QoSProfile], sources: Sequence[str] = ()) -> None:
@@ -98,7 +104,7 @@ class MatchedPublisher:
         with self._giving:
             if lasts(wanted) and not self.is_told:
                 wanted.depth, count = max(count, offered.depth if lasts(offered) else 1), 1
-            self._users = {one: of for one, of in self._users.items() if any(gid.startswith(one) for gid in sources)}
+            self._part_with(sources)
             if changing and not same(wanted, offered) and not self._may_begin_anew():
                 return
             if not same(wanted, offered):
@@ -116,6 +122,33 @@ class MatchedPublisher:
             elif not changing:
                 self._do_without(len(self._publishers) - count)
 
+    def _part_with(self, sources: Sequence[str]) -> None:
+        """Set aside what those have kept that are not there any more: they may have been out of reach only."""
+        for one in [one for one in self._users if not _are_among(one, sources)]:
+            self._left[one] = list(self._kept.get(self._users.pop(one), ()))
+        while self._left and sum(_size(message) for left in self._left.values() for message in left) > ROOM:
+            del self._left[next(iter(self._left))]
+
+    def _forget(self, sources: Sequence[str]) -> None:
+        """Keep nothing that only those have kept that are not there any more, and again what those have that are back.
+
+        The middleware gives that again, and it is taken for what has come before.
+        """
+        with self._giving:
+            if self._next is not self._publishers or (sources and not self.is_told):
+                return
+            self._part_with(sources)
+            back = {one: self._left.pop(one) for one in [*self._left] if _are_among(one, sources)}
+            used = list(self._users.values())
+            ended = [one for one in self._kept if one not in used]
+            if ended:
+                self._hold()
+                self._changed = time.monotonic()
+                self._next = [self._make(one.qos_profile) if one in ended else one for one in self._publishers]
+        for source, messages in back.items():
+            for message in messages:
+                self.publish(message, source)
+
     def _hold(self) -> None:
         """Hold what comes from now on."""
         if self._held is None:
@@ -132,7 +165,8 @@ class MatchedPublisher:
 
     def _stays(self, source: str) -> bool:
         """Whether the publisher of a source goes on, and has not to be waited for."""
-        return self._users.get(source) in self._publishers and all(one in self._next for one in self._publishers)
+        user = self._users.get(source)
+        return user in self._publishers and user in self._next
 
     def _replace(self, made: list[Any]) -> None:
         """Have publishers take over, and keep what the old ones kept."""
@@ -214,6 +248,15 @@ class MatchedPublisher:
     def _has_own_name(self, info: Any) -> bool:
         mine = (self._node.get_name(), self._node.get_namespace())
         return (info.node_name, info.node_namespace) == mine
+
+
+def _are_among(source: str, sources: Sequence[str]) -> bool:
+    """Whether a publisher is there, by its number in messages, with which that on the graph begins."""
+    return any(one.startswith(source) for one in sources)
+
+
+def _size(message: Any) -> int:
+    return len(message) if isinstance(message, bytes) else 0
 
 
 def _unlike(publisher: Any, subscription: Any) -> str:
