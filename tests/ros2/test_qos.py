@@ -282,3 +282,22 @@ def test_a_deadline_is_forwarded_where_all_keep_the_same() -> None:
     assert qos.to_offer([one]).deadline == deadline
     assert qos.same(qos.to_offer([one, one]), qos.to_offer([one]))
     assert qos.same(qos.to_offer([one, other]), qos.to_offer([]))
+
+
+def test_who_watches_a_lease_sees_that_the_original_has_gone_and_hears_it_again(scene: Scene) -> None:
+    peer, robot = scene.peer(), scene.peer("robot")
+    watched = profile(liveliness_lease_duration=duration.Duration(seconds=PATIENCE))
+    received: list[Any] = []
+    watching = robot.node.create_subscription(msg.Int64, "/here", received.append, watched)
+    forwarded = republished.MatchedPublisher(peer.node, msg.Int64, "/here")
+
+    def connected(sources: list[str]) -> int:
+        forwarded.look([watched] * len(sources), sources)
+        return int(watching.get_publisher_count())
+
+    robot.until(lambda: connected(["a"]) == 1, "it is not connected")
+    robot.until(lambda: connected([]) == 0, "the lease is kept for one that has gone")
+    forwarded.match([watched], ["b"])
+    forwarded.publish(msg.Int64(data=1), "b")
+    robot.until(lambda: connected(["b"]) and received, "it does not pass")
+    forwarded.stop()

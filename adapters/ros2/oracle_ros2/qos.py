@@ -58,6 +58,11 @@ def lasts(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+def leases(profile: QoSProfile) -> bool:
+    """Whether a publisher promises to be there, or to be told as gone within a time."""
+    return "liveliness_lease_duration" in _times(profile)
+
+
 def lifespan(offered: Sequence[QoSProfile]) -> float | None:
     """Seconds after which messages are of no use to anybody, as all publishers say; None where one does not."""
     found = [profile.lifespan.nanoseconds for profile in offered]

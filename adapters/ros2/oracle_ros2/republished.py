@@ -11,7 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
 from oracle_ros2.endpoints import MATCHING, definition_of, full_name
-from oracle_ros2.qos import NO_EVENTS, ROOM, depth_for, lasts, misfit, same, to_offer
+from oracle_ros2.qos import NO_EVENTS, ROOM, depth_for, lasts, leases, misfit, same, to_offer
 from oracle_ros2.unmatched import Unmatched
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class MatchedPublisher:
 
     Each of these that keeps its last message for those who come later has a publisher here, which keeps that. Where
     there are to be more of them, or they are to offer something else, what passes waits until they are discovered: else
-    what is published once would be lost to some.
+    what is published once would be lost to some. So it is where the originals promise a lease, to those who ask for it.
     """
 
     def __init__(self, node: Node, message_type: Any, topic: str, offered: Sequence[QoSProfile] = ()) -> None:
@@ -88,6 +88,8 @@ class MatchedPublisher:
                     self._take_over()
             self.match(originals, sources or ())
             if sources is not None:
+                if not originals:
+                    self._withdraw()
                 self._forget(sources)
         return "; ".join(self._find_troubles())
 
@@ -108,7 +110,8 @@ class MatchedPublisher:
             if changing and not same(wanted, offered) and not self._may_begin_anew():
                 return
             if not same(wanted, offered):
-                if lasts(wanted) and (lasts(offered) or all(map(lasts, originals))):
+                last = lasts(wanted) and (lasts(offered) or all(map(lasts, originals)))
+                if last or leases(wanted) > leases(offered):
                     self._hold()
                 for begun in [one for one in self._next if one not in self._publishers]:
                     self._node.destroy_publisher(begun)
@@ -121,6 +124,17 @@ class MatchedPublisher:
                 self._next = [*self._next, *more]
             elif not changing:
                 self._do_without(len(self._publishers) - count)
+
+    def _withdraw(self) -> None:
+        """Promise nobody's lease: who watches it is to see that the originals have gone."""
+        with self._giving:
+            if self._next is not self._publishers or not leases(self._publishers[0].qos_profile):
+                return
+            self._part_with(())
+            for publisher in self._publishers:
+                self._node.destroy_publisher(publisher)
+            self._kept.clear()
+            self._publishers = self._next = [self._make(to_offer((), depth_for(self._largest)))]
 
     def _part_with(self, sources: Sequence[str]) -> None:
         """Set aside what those have kept that are not there any more: they may have been out of reach only."""
