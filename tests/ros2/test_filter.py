@@ -16,6 +16,7 @@ from tests.ros2.harness import Peer, Scene, Server, eventually
 callback_groups = pytest.importorskip("rclpy.callback_groups")
 qos = pytest.importorskip("rclpy.qos")
 task = pytest.importorskip("rclpy.task")
+relay = pytest.importorskip("oracle_ros2.relay")
 msg = pytest.importorskip("std_msgs.msg")
 geometry = pytest.importorskip("geometry_msgs.msg")
 srv = pytest.importorskip("std_srvs.srv")
@@ -213,6 +214,18 @@ def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None
         assert switch(peer, True) == (True, "on")
         assert not waiting.done()
         adapter.ends_well()
+
+
+def test_of_calls_that_a_service_never_answers_the_oldest_is_given_up(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        served(scene.peer("hangs"), say("on"))  # it is never spun
+        client = peer.node.create_client(srv.SetBool, "/switch_mon")
+        peer.until(client.service_is_ready)
+        first, *_ = [client.call_async(srv.SetBool.Request(data=True)) for _ in range(relay.MOST)]
+        peer.until(lambda: client.call_async(srv.SetBool.Request(data=True)) and first.done())
+        assert not first.result().success
+        adapter.said("/switch has not answered it, nor 1000 that came later: call [0-9]+ is answered by denied")
 
 
 def test_who_can_call_past_the_monitor_is_told(tmp_path: Path) -> None:

@@ -249,3 +249,28 @@ def test_a_service_that_takes_long_gets_more_calls_though_it_answers_none(
         clock[0] += 1.25 * pause
     assert gone == [8, 16, 20]
     made.destroy()
+
+
+def test_of_more_calls_than_wait_for_a_service_that_hangs_the_oldest_are_given_up(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(relay, "MOST", 10)
+    answers: list[Any] = []
+    peer.node.create_service(srv.Trigger, "/led", lambda _, response: response)
+    made = relay.Relay(peer.node, srv.Trigger, "/led", "/led_mon", nothing, lambda call, _: answers.append(call))
+    peer.until(lambda: made.is_there, "nobody serves /led")
+    left: list[Any] = []
+    for _ in range(30):  # 8 go to the service, which is not spun
+        made._serve(srv.Trigger.Request(), lambda response: None)
+        made.forward(made.open[-1])
+        left += (oldest := made.give_up())
+        assert all(made.reply(call, srv.Trigger.Response()) for call in oldest)
+    last = made.open
+    assert (len(left), len(last), made.catch_up()) == (20, 10, [])
+    assert left == sorted(left, key=lambda call: call.number)
+    clock[0] += relay.PAUSE
+    peer.until(lambda: made.catch_up() or len(answers) == 10, "the last calls are not answered")
+    assert answers == last
+    made.destroy()

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
+MOST = 1000
+"""Calls without an answer; of more the oldest are given up, as where a service hangs and its clients call again."""
 PAUSE = 1.0  # seconds without an answer after which a service gets more: it may work on all at once
 UNDERWAY = 0.2  # seconds that an answer may take to its client
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
@@ -47,6 +49,8 @@ class Call:
     """Since when none of these is there any more (s)."""
     answered: bool = False
     """Whether the service has answered, and that is decided on at most."""
+    answer: Any = None
+    """What rclpy waits for the service's answer by."""
 
 
 class Relay:
@@ -144,6 +148,15 @@ class Relay:
         # those that came while it was away have their time too
         return [call for call in self.unanswered if call.allowed and now - max(call.allowed, since) > self._patience]
 
+    def give_up(self) -> list[Call]:
+        """Wait for the oldest of more than `MOST` calls no more, and return them."""
+        more = len(self._open) - MOST
+        oldest = self.open[:more] if more > 0 else []
+        for call in oldest:
+            if call.answer is not None:
+                self._client.remove_pending_request(call.answer)
+        return oldest
+
     def overdue(self, *, requests: bool = True, responses: bool = True) -> int:
         """How many could not be read that no event has told in time, to be told by another one.
 
@@ -188,6 +201,8 @@ class Relay:
 
     def _next(self) -> Call | None:
         with self._lock:
+            while self._waiting and self._waiting[0].number not in self._open:
+                self._waiting.popleft()
             if not self._waiting or self._ahead >= AT_ONCE or not self._client.service_is_ready():
                 return None
             if not self._ahead:
@@ -200,7 +215,7 @@ class Relay:
             if call.number not in self._open:
                 return
             call.forwarded, call.servers = True, servers(self._node, self._served)
-            answered = self._client.call_async(call.request)
+            call.answer = answered = self._client.call_async(call.request)
 
         def take(done: Any) -> None:
             call.answered, call.lost = True, self._responses.take()

@@ -10,7 +10,7 @@ from oracle_adapter.interfaces import is_filtered
 from oracle_ros2.circles import call_circle
 from oracle_ros2.codec import load_type, write
 from oracle_ros2.graph import past_proxy
-from oracle_ros2.relay import UNDERWAY, Relay
+from oracle_ros2.relay import MOST, UNDERWAY, Relay
 from oracle_ros2.sides import Side
 from oracle_ros2.unserved import UnservedService
 
@@ -76,6 +76,7 @@ class ProxiedService:
     def catch_up(self) -> None:
         """Go on with calls that wait for the service; to be called often, where callbacks run."""
         self._give_up(self._relay.catch_up(), f"{self.name} is not there")
+        self._give_up(self._relay.give_up(), f"{self.name} has not answered it, nor {MOST} that came later")
 
     # The steps of a call, in the thread of the callbacks; in the link's after a decision.
 
