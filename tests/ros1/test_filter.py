@@ -307,6 +307,7 @@ def test_a_service_that_is_not_there_is_an_error_at_the_client(tmp_path: Path) -
         response, error = caller.call(SetBool, "/switch_mon", True)
         assert response is None
         assert "service [/switch] unavailable" in str(error)
+        eventually(lambda: done(scene.server.events("s")), lambda found: found == [("request", "allow", False)])
         panel.serve(SetBool, "/switch", say_on)
         answer, _ = caller.call(SetBool, "/switch_mon", True)
         assert answer.message == "on"

@@ -181,6 +181,7 @@ def test_a_service_that_is_not_there_is_answered_by_the_denied_response(tmp_path
         adapter, peer = scene.adapter("switch"), scene.peer()
         assert switch(peer, True) == DENIED
         adapter.said("/switch is not there: call [0-9]+ is answered by denied_response")
+        eventually(lambda: done(scene.server.events("s")), lambda found: found == [("request", "allow", False)])
         served(peer, say("on"))
         assert switch(peer, True) == (True, "on")
 

@@ -6,6 +6,7 @@ import threading
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Tuple
 
+from oracle_adapter.decision import should_pass
 from oracle_adapter.kinds import KINDS
 
 if TYPE_CHECKING:
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from oracle_adapter.exchange import Stamp, Then
     from oracle_adapter.link import Link
 
+
+TakeBack = Callable[[], None]
+"""Reports that what passed went no further after all."""
 
 GRACE = 5.0
 """Seconds beyond `decide_within` in which the link answers, unless its thread hangs."""
@@ -69,14 +73,25 @@ class Passing:
         self._link.handled(answer, passed, why)
         return passed, reason
 
+    def take_back(self, answer: Answer) -> None:
+        """Report that what `settle` let pass went no further after all: nobody was there for it."""
+        self._link.handled(answer, False, should_pass(answer, self._policy)[1])
+
     def ask_and_wait(
-        self, stamp: Stamp, data: Any, call: int, may_go_on: Callable[[], bool], lost: int = 0
+        self,
+        stamp: Stamp,
+        data: Any,
+        call: int,
+        may_go_on: Callable[[], bool],
+        lost: int = 0,
+        before: Optional[Callable[[TakeBack], object]] = None,
     ) -> Tuple[bool, str]:
         """Ask about a call, and wait for what `settle` returns.
 
         What the oracle lets pass passes where it `may_go_on` then. Where the link's thread hangs,
         the wait ends `GRACE` seconds after the time for a decision; then the call does not pass,
-        whatever the answer will be. `lost` is as for `Link.ask`.
+        whatever the answer will be. `lost` is as for `Link.ask`. `before` is given what takes it
+        back, before it passes.
         """
         settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
         passed = threading.Lock()  # taken by what comes first: the answer, or the end of the wait
@@ -85,6 +100,8 @@ class Passing:
             return may_go_on() and passed.acquire(blocking=False)
 
         def answered(answer: Answer) -> None:
+            if before is not None:
+                before(lambda: self.take_back(answer))
             settled.put(self.settle(answer, give, None, call))
 
         self.ask(stamp, data, answered, call=call, lost=lost)

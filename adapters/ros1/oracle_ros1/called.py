@@ -12,6 +12,10 @@ UNCONNECTED = "unable to connect to service"
 """How rospy's error begins where nobody answers, or who serves it has another definition of its type."""
 
 
+class Unreached(rospy.ServiceException):  # type: ignore[misc] # rospy has no types
+    """The service has not got a call."""
+
+
 class CalledService:
     """A service that goes on to be called while the master is away, or once one was started that does not know it.
 
@@ -24,15 +28,15 @@ class CalledService:
         self._known = ""  # where the master last had it
 
     def call(self, request: Any) -> Any:
-        """Its response; raises `ServiceException`."""
+        """Its response; raises `ServiceException`, and `Unreached` where it has not got the call."""
         address, why = self._address()
         caller = rospy.ServiceProxy(self._name, self._type)
         caller._get_service_uri = lambda _: address  # noqa: SLF001 - rospy would wait for a master that hangs
         try:
             return caller(request)
         except rospy.ServiceException as error:
-            if why and str(error).startswith(UNCONNECTED):  # it has gone, or is elsewhere
-                raise rospy.ServiceException(why) from error
+            if str(error).startswith(UNCONNECTED):
+                raise Unreached(why or str(error)) from error  # `why`: it has gone, or is elsewhere
             raise
 
     def _address(self) -> Tuple[str, str]:
@@ -47,5 +51,5 @@ class CalledService:
                 return self._known, ""
             why = f"service [{rospy.resolve_name(self._name)}] unavailable"
         if not self._known:
-            raise rospy.ServiceException(why)
+            raise Unreached(why)
         return self._known, why

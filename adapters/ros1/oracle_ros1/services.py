@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Optional
+from typing import Any, Iterator, List, Optional
 
 import rospy
 from oracle_adapter import TimeSource
 from oracle_adapter.calls import call_numbers
 from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
-from oracle_adapter.passing import Passing
+from oracle_adapter.passing import Passing, TakeBack
 from oracle_adapter.unread import Recent, Unreadable
 from rospy.impl.tcpros_service import get_service_manager
 
-from oracle_ros1.called import UNCONNECTED, CalledService
+from oracle_ros1.called import UNCONNECTED, CalledService, Unreached
 from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
 from oracle_ros1.handshakes import MISCALLED
@@ -74,10 +74,11 @@ class ProxiedService:
         if self._stopped:
             return self._succeeded(request)
         call = next(self._calls)
-        self._judge(self._request, request, call)
+        take_back = self._judge(self._request, request, call)
         try:
             response = self._called.call(request)
-        except rospy.ServiceException as error:
+        except Unreached as error:
+            take_back()
             if str(error).startswith(UNCONNECTED):
                 self._unreached.add(f"a call of {rospy.resolve_name(self._served)} does not come through: {error}")
             raise
@@ -97,8 +98,11 @@ class ProxiedService:
         anew = found.service_class._request_class()  # noqa: SLF001
         return found.handler(anew.deserialize(sent(request).data))
 
-    def _judge(self, side: "_Side", message: Any, call: int) -> None:
-        """Raise `ServiceException`, which is the client's, where this must not pass."""
+    def _judge(self, side: "_Side", message: Any, call: int) -> TakeBack:
+        """Raise `ServiceException`, which is the client's, where this must not pass.
+
+        What is returned reports that it went no further, where that was asked about.
+        """
         unread = sent(message).unread
         if unread:
             side.unreadable.add(unread)
@@ -108,10 +112,14 @@ class ProxiedService:
         data, lost = side.data(message), side.unreadable.take()
         if side.passing is None:
             self._link.send(self._name, side.kind, stamp, data, call=call, lost=lost)
-            return
-        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: not self._stopped, lost)
+            return lambda: None
+        asked: List[TakeBack] = []
+        passed, reason = side.passing.ask_and_wait(
+            stamp, data, call, lambda: not self._stopped, lost, before=asked.append
+        )
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self._name}: {reason}")
+        return asked[0]
 
 
 class _Side:

@@ -24,6 +24,7 @@ from oracle_ros2.withdrawals import Withdrawals, cancel_request
 
 if TYPE_CHECKING:
     from oracle_adapter.interfaces import Interface
+    from oracle_adapter.passing import TakeBack
 
     from oracle_ros2.goals import Goal
     from oracle_ros2.relay import Call
@@ -113,8 +114,10 @@ class ProxiedAction:
                 self._goals.refuse(_goal_of(call))
                 self._withdrawals.add(_goal_of(call))
             if self._reject(call):
+                call.given_up()
                 self._board.error(f"{self.name} is not there: goal {_goal_of(call).hex()} is rejected")
         for call in self._cancelling.catch_up():
+            call.given_up()
             self._keep(call)
         self._abort(self._results.catch_up())
         self._withdrawals.catch_up(self._status.statuses)
@@ -146,10 +149,12 @@ class ProxiedAction:
         for call in goals:
             if call.forwarded and self._cancelling.is_there:  # its client will believe it rejected
                 self._cancelling.send(cancel_request(_goal_of(call)), lambda _: None)
+            call.given_up()
             self._reject(call)
         for call in results:
             self._results.reply(call, self._impl.GetResultService.Response(status=UNKNOWN))
         for call in cancels:
+            call.given_up()
             self._keep(call)
         if under_way or results:
             self._board.error(
@@ -176,7 +181,8 @@ class ProxiedAction:
             return self._sending.forward(call)
 
         refuse = partial(self._reject, call)
-        self._judge("goal", call.request.goal, give, refuse, goal, call.number, lost=call.lost)
+        before = call.may_be_taken_back
+        self._judge("goal", call.request.goal, give, refuse, goal, call.number, lost=call.lost, before=before)
 
     def _answer_goal(self, call: Call, response: Any) -> None:
         goal = _goal_of(call)
@@ -226,7 +232,8 @@ class ProxiedAction:
         info = call.request.goal_info
         goal = bytes(info.goal_id.uuid)
         give, refuse = lambda: self._cancel(call, goal), lambda: self._keep(call)
-        self._judge("cancel", info, give, refuse, goal, call.number, lost=call.lost)
+        before = call.may_be_taken_back
+        self._judge("cancel", info, give, refuse, goal, call.number, lost=call.lost, before=before)
 
     def _cancel(self, call: Call, goal: Goal) -> bool:
         """Pass a cancel on, not before its goal: what is on its way would go on else."""
@@ -326,12 +333,13 @@ class ProxiedAction:
     def _judge(
         self, kind: str, message: Any, give: Callable[[], bool], refuse: Callable[[], object], goal: Goal,
         call: int | None = None, status: str | None = None, when: When = now, lost: int = 0,
+        before: Callable[[TakeBack], object] = lambda _: None,
     ) -> None:  # fmt: skip
         side = self._sides.get(kind)
         if side is None:
             when(give)
         else:
-            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status, when, lost)
+            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status, when, lost, before)
 
 
 def _goal_of(call: Call) -> Goal:

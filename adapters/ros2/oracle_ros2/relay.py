@@ -18,6 +18,7 @@ from oracle_ros2.graph import servers
 from oracle_ros2.loop import Later, take_requests, tell_unread
 
 if TYPE_CHECKING:
+    from oracle_adapter.passing import TakeBack
     from rclpy.node import Node
 
     from oracle_ros2.loop import Reply
@@ -51,6 +52,17 @@ class Call:
     """Whether the service has answered, and that is decided on at most."""
     answer: Any = None
     """What rclpy waits for the service's answer by."""
+    take_back: TakeBack | None = None
+    """Reports that it has not passed after all; None where that was not asked about."""
+
+    def may_be_taken_back(self, take_back: TakeBack) -> None:
+        """Note what reports that it has not passed after all."""
+        self.take_back = take_back
+
+    def given_up(self) -> None:
+        """Report that it has not passed after all, where the service has not got it."""
+        if self.take_back is not None and not self.forwarded:
+            self.take_back()
 
 
 class Relay:

@@ -87,7 +87,8 @@ class ProxiedService:
                 return False
             return self._relay.forward(call)
 
-        self._request.judge(call.request, give, lambda: self._deny(call), call.number, lost=call.lost)
+        self._request.judge(call.request, give, lambda: self._deny(call), call.number, lost=call.lost,
+                            before=call.may_be_taken_back)  # fmt: skip
 
     def _answer(self, call: Call, response: Any) -> None:
         reply = self._relay.reply
@@ -100,4 +101,5 @@ class ProxiedService:
     def _give_up(self, calls: Sequence[Call], why: str) -> None:
         for call in calls:
             if self._deny(call):
+                call.given_up()
                 self._board.error(f"{why}: call {call.number} is answered by denied_response")

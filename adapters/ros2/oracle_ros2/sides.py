@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from oracle_adapter import Answer, TimeSource
     from oracle_adapter.interfaces import Stream
     from oracle_adapter.link import Details
+    from oracle_adapter.passing import TakeBack
 
     from oracle_ros2.shared import Shared
 
@@ -55,11 +56,12 @@ class Side:
     def judge(
         self, message: Any, give: Callable[[], bool], refuse: Callable[[], object], call: int | None = None,
         goal_id: str | None = None, status: str | None = None, when: When = now, lost: int = 0,
+        before: Callable[[TakeBack], object] = lambda _: None,
     ) -> None:  # fmt: skip
         """Report an event, and call `give` where it passes, else `refuse`; after a decision in the link's thread.
 
         `give` returns whether it was passed on. `when` calls what settles the event, at once or later. `lost`: how many
-        before it could not be read.
+        before it could not be read. `before` is given what takes an event back that was asked about, before it passes.
         """
         # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = (self._stamp and self._stamp(message)) or self._time
@@ -72,6 +74,7 @@ class Side:
             return
 
         def settle(answer: Answer) -> None:
+            before(lambda: passing.take_back(answer))
             passed, _reason = passing.settle(answer, lambda _: give(), None, call, goal_id or "")
             if not passed:
                 refuse()
