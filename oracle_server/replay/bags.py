@@ -19,6 +19,7 @@ from oracle_server.replay.bagnotes import notes_of, of_channels
 from oracle_server.replay.folder import Files, files_of, open_storage
 from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
+from oracle_server.replay.pauses import Pauses
 from oracle_server.replay.published import Published
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
@@ -57,6 +58,7 @@ class Bag:
         self.read = self.size = self.since = self.until = self.lost = 0
         self._plan, self._types = plan(spec), typestore(types)
         self._published = Published(spec.ordering.max_skew, spec.ordering.max_delay)
+        self._pauses = Pauses()
         self._topics: dict[str, Topic] = {}
         self._actions: dict[str, Action] = {}
         self._sources: dict[Channel, _AnySource] = {}
@@ -79,6 +81,7 @@ class Bag:
                 self.until = _newest(storages)
                 self.notes += [*notes_of(self._topics.values(), files, storages), *self._published.notes()]
                 self.notes += notes_of_span(self.since, self.until)
+                self.notes += (Note(text, doubt=True) for text in self._pauses.told(partial(_heard, storages)))
         except TraceError as error:
             text = one_line(str(error).replace(f"{place}", str(self.path)))
             raise TraceError(text if text.startswith(str(self.path)) else f"{self.path}: {text}") from None
@@ -197,6 +200,7 @@ class Bag:
         for source, recorded, raw, told in together(storages, wanted, self._note_gap):
             self.read += 1
             time = recorded or self.since  # it is none: recorders in a simulation write it until they hear its clock
+            self._pauses.look(time)
             try:
                 items = self._items(source, time, raw, told)
             except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
@@ -263,6 +267,11 @@ def _oldest(storages: Sequence[Storage]) -> int:
 def _newest(storages: Sequence[Storage]) -> int:
     """When the last message of a bag was recorded, on whatever topic; 0 where that is not known."""
     return max((newest for newest in (storage.newest for storage in storages) if newest <= LATEST), default=0)
+
+
+def _heard(storages: Sequence[Storage], since: int, until: int) -> bool:
+    """Whether a bag has a message that was recorded between two times (ns), on whatever topic."""
+    return any(storage.has_between(since, until) for storage in storages)
 
 
 def _survey(source: _AnySource, time: int, raw: bytes) -> None:

@@ -45,6 +45,8 @@ class Block(NamedTuple):
 class InBlocks(ABC):
     """The messages of a file that has them in blocks, and between which times they were recorded."""
 
+    damages: list[str]
+
     def __init__(self) -> None:
         self._blocks: list[Block] = []
         self._oldest = 0
@@ -88,6 +90,16 @@ class InBlocks(ABC):
             for _ in self._in_block(block, ()):
                 pass
         return self._newest or 0
+
+    def has_between(self, since: int, until: int) -> bool:
+        """Whether a message was recorded between two times (ns); what the headings of a part leave open is read."""
+        told, newest = len(self.damages), self._newest
+        around = [block for block in self._blocks if block.start < until and block.end > since]
+        inside = any(since < time < until for block in around for time in (block.start, block.end))
+        found = inside or any(since < m[1] < until for block in around for m in self._in_block(block, None))
+        del self.damages[told:]  # they were found with the messages
+        self._newest = newest
+        return found
 
     def _unnamed(self, block: Block, channel: int) -> None:
         """Note a message of which the file does not tell the topic, as where the part is damaged that does."""

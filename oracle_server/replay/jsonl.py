@@ -18,6 +18,7 @@ from oracle_server.core.units import counted
 from oracle_server.replay.attempts import Attempts
 from oracle_server.replay.line import MAX_LINE, Found, Line, ends_early, read_line
 from oracle_server.replay.numbered import Numbers
+from oracle_server.replay.pauses import Pauses
 from oracle_server.replay.positions import Positions
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
@@ -57,6 +58,7 @@ class Trace:
     _lost: int = 0
     _back: list[str] = field(default_factory=list)  # where simulated time went back
     _numbers: Numbers = field(default_factory=Numbers)
+    _pauses: Pauses = field(default_factory=Pauses)
     _names: frozenset[str] = field(init=False)
     _times: Times = field(init=False)
     _attempts: Attempts = field(init=False)
@@ -85,7 +87,7 @@ class Trace:
                     self._times.clocked = self.clocked
                     self.since = (line.arrived or 0) if self.clocked and line.kind != TICK else 0
                 if self.clocked and line.kind != TICK:
-                    self.until = max(self.until, line.arrived or 0)
+                    self._go_on(line)
                 if line.back:
                     self._back.append(place)
                 self._numbers.take(line, place)
@@ -99,6 +101,12 @@ class Trace:
         except OSError as error:
             raise NotReadError(f"{self.path}: can't be read: {error.strerror}") from None
         self.notes += self._ending()
+
+    def _go_on(self, line: Line) -> None:
+        """Note when a line arrived."""
+        self.until = max(self.until, line.arrived or 0)
+        if not line.places:  # while a session went on its deadlines did, too
+            self._pauses.look(self.until)
 
     def _line(self, text: bytes, place: str) -> Found:
         try:
@@ -155,6 +163,7 @@ class Trace:
             if count:
                 what = f"{name}: {counted(count, 'event')} of the kind `{kind}`"
                 yield Note(f"{what}, and the spec has another one there", doubt=True)
+        yield from (Note(text) for text in self._pauses.told())
         yield from self._numbers.notes()
         if self._back:
             what = f"{self._back[0]}: simulated time went back ({counted(len(self._back), 'time')} in all)"

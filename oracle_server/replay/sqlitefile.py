@@ -156,6 +156,13 @@ class SqliteFile:
                 if time:
                     yield time
 
+    def has_between(self, since: int, until: int) -> bool:
+        """Whether a message that can be read was recorded between two times (ns)."""
+        query = "SELECT 1 FROM messages WHERE timestamp > ? AND timestamp < ? LIMIT 1"
+        with suppress(sqlite3.Error):
+            return self._database.execute(query, (since, until)).fetchone() is not None
+        return False
+
     def close(self) -> None:
         """Close the file."""
         self._stack.close()

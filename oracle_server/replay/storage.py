@@ -65,6 +65,10 @@ class Storage(Protocol):
         """The time of recording of the last message that can be read, on any channel; 0 where there is none."""
         ...
 
+    def has_between(self, since: int, until: int) -> bool:
+        """Whether a message that can be read was recorded between two times (ns), on any channel."""
+        ...
+
     def close(self) -> None:
         """Close the file."""
         ...
@@ -82,6 +86,11 @@ class Missing:
         """No messages."""
         del wanted
         return iter(())
+
+    def has_between(self, since: int, until: int) -> bool:
+        """Nothing was read."""
+        del since, until
+        return False
 
     def close(self) -> None:
         """Nothing is open."""
