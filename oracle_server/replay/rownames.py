@@ -27,7 +27,7 @@ class _Rows(NamedTuple):
     field: _Path
 
 
-class _Had:
+class Had:
     """What a field of rows was: names, where no two rows of a message had the same, and there were several."""
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ class RowNames:
                     self._asked.setdefault((rows, name), {})[wanted] = None
         self.empty = EmptyLists(spec)
         """The lists that had no rows at all."""
-        self._had = {rows: _Had() for rows, _ in self._asked}
+        self._had = {rows: Had() for rows, _ in self._asked}
         self._by_stream: dict[StreamKey, list[_Rows]] = {}
         for rows in self._had:
             self._by_stream.setdefault(rows.stream, []).append(rows)
@@ -90,13 +90,12 @@ class RowNames:
                 if had.lacks(each) and any(type(name) is type(each) for name in had.names):
                     where = ".".join(("msg", *rows.path))
                     field = f"{'.'.join(rows.field)} of {where}" if rows.field else f"the elements of {where}"
-                    what = (
-                        f"compares {field} with {_shown(each)}, which it never was: it was {_listed(each, had.names)}"
-                    )
+                    what = f"compares {field} with {_shown(each)}, which it never was: it was {listed(each, had.names)}"
                     yield f"{rows.stream}: the signal {signal} {what}"
 
 
-def _listed(wanted: _Name, names: Mapping[_Name, None]) -> str:
+def listed(wanted: _Name, names: Mapping[_Name, None]) -> str:
+    """Some names, those that are like the one that is wanted first, and how many more there are."""
     told = list(dict.fromkeys([*_likely(wanted, names), *names]))
     more = [f"{len(told) - _SHOWN} more"] if len(told) > _SHOWN else []
     *first, last = (*map(_shown, told[:_SHOWN]), *more)

@@ -15,6 +15,7 @@ from oracle_server.core.spec import Spec
 from oracle_server.core.typed import StreamTypes
 from oracle_server.replay.asked import own
 from oracle_server.replay.coverage import signal_names
+from oracle_server.replay.rownumbers import RowNumbers
 from oracle_server.replay.spelling import Wanted, plain, readers, sources_of, texts_in
 
 _MOST = 1_000
@@ -69,6 +70,7 @@ class Vocabulary:
         }
         """Those that an expression of the spec can give: they are right, whether they come or not."""
         self._had = {(key, each.name): _Had() for each, keys in self._wanted.items() for key in keys}
+        self._numbers = RowNumbers(spec)
         self._names: dict[StreamKey, list[str]] = {}
         for key, name in self._had:
             self._names.setdefault(key, []).append(name)
@@ -76,6 +78,7 @@ class Vocabulary:
     def look(self, step: Step) -> None:
         """Look at what an event of a stream had itself."""
         event = step.event
+        self._numbers.look(step)
         for name in self._names.get(event.stream, ()):
             value = step.signals.get(name)
             if isinstance(value, str):
@@ -83,6 +86,7 @@ class Vocabulary:
 
     def doubts(self, idle: Sequence[Idle]) -> Iterator[tuple[str, str]]:
         """What is to be said where nothing was asked of these properties: who asks for a text, and a line of it."""
+        yield from self._numbers.doubts()
         waiting = {each.property.id: {*_asks(each.atoms)} for each in idle}
         for each, keys in self._wanted.items():
             had = [self._had[key, each.name] for key in keys]

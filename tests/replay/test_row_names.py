@@ -93,3 +93,31 @@ def test_names_that_come_and_go_are_told_where_another_is_spelt_like_one(name: s
     path = tmp_path / "log.jsonl"
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert any("which it never was" in text for text in judge(spec, path).summary["doubts"]) == said
+
+
+NUMBERED = """\
+id: a
+streams:
+  - {topic: /motors, each: msg.motors, signals: {id: item.id, hot: item.t > 80}}
+properties:
+  - {id: cool, formula: 'not {id: ASKED, hot}'}
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "second", "said"),
+    [
+        (3, (1, 2), "cool compares id of /motors with 3, which it never was: it was 1 and 2"),
+        (2, (1, 2), ""),
+        (3, (1, 4), ""),  # they come and go, as what a camera sees
+        (3, (1, 1), ""),
+    ],
+)
+def test_a_number_of_no_row_is_told_where_each_message_has_the_same(
+    asked: int, second: tuple[int, int], said: str, tmp_path: Path
+) -> None:
+    lines = [{"topic": "/motors", "motors": [{"id": i, "t": 20} for i in ids]} for ids in ((1, 2), second)]
+    path = tmp_path / "log.jsonl"
+    path.write_text("".join(json.dumps({"time": n, **line}) + "\n" for n, line in enumerate(lines, 1)))
+    found = judge(write_spec(tmp_path, NUMBERED.replace("ASKED", str(asked))), path)
+    assert found.summary["doubts"] == [said] * bool(said)
