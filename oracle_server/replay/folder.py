@@ -60,7 +60,7 @@ class Files:
 def files_of(path: Path) -> Files:
     """The files of a bag, which is a file or a folder. Raises `TraceError` where there are none."""
     if not path.is_dir():
-        return Files([path])
+        return Files([path], notes=_as_part(path))
     metadata = path / METADATA
     if not metadata.exists():
         inside = sorted((p for p in path.iterdir() if p.is_file()), key=_by_numbers)
@@ -75,6 +75,24 @@ def files_of(path: Path) -> Files:
         files.notes += _further(path)
         return files
     return _listed(path, _information(metadata))
+
+
+def _as_part(path: Path) -> list[str]:
+    """What is said of a file that is one of several of a bag: what the others have was not heard."""
+    folder = path.absolute().parent
+    try:
+        if (folder / METADATA).is_file():
+            named = {_plain(file).name for file in _named(folder, _information(folder / METADATA))}
+        else:
+            numbered = (file for file in folder.iterdir() if file.name.startswith(f"{folder.name}_"))
+            found = [file for file in numbered if file.is_file() and begins_as(file) in (MCAP, SQLITE, ZSTD)]
+            named = {_plain(file).name for file in _parts(found) or ()} if found else set()
+    except (OSError, TraceError):  # it is no bag that could be judged instead
+        return []
+    if len(named) < 2 or _plain(path).name not in named:
+        return []
+    what = f"is one of the {len(named)} files of a bag, and the others were not judged"
+    return [f"{path.name}: {what}: name its folder, {path.parent if path.parent.name else folder}"]
 
 
 def _further(folder: Path) -> list[str]:
@@ -187,13 +205,20 @@ def _by_numbers(path: Path) -> list[str | int]:
     return [int(part) if at % 2 else part for at, part in enumerate(re.split("([0-9]+)", path.name))]
 
 
-def _listed(folder: Path, information: dict[str, Any]) -> Files:
+def _named(folder: Path, information: dict[str, Any]) -> list[Path]:
+    """The files that metadata names. Raises `TraceError` where it names none."""
     names = information.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise TraceError(f"{folder / METADATA}: names no files")
-    paths = [*dict.fromkeys(_as_it_is(folder / _base(name)) for name in names)]  # none is read twice
+    return [folder / _base(name) for name in names]
+
+
+def _listed(folder: Path, information: dict[str, Any]) -> Files:
+    named = _named(folder, information)
+    paths = [*dict.fromkeys(map(_as_it_is, named))]  # none is read twice
     if not any(path.is_file() for path in paths):
-        raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
+        names = ", ".join(map(str, information["relative_file_paths"]))
+        raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {names}")
     notes = [f"{path.name}: is not named in {METADATA}, and was not judged" for path in _beside(folder, paths)]
     return Files(paths, Counter(dict(_promised(information))), notes, f"is missing, which {METADATA} names")
 
