@@ -1,4 +1,4 @@
-"""Recordings that clients send to be judged: one after the other, one of each client, in a process each."""
+"""Recordings that clients send to be judged, each in its turn, one of each client, in a process each."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from oracle_server.history.records import Document
 from oracle_server.jobs.checking import CrowdedError
 from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
 from oracle_server.jobs.judge import Judge, JudgeError
+from oracle_server.jobs.turns import Turns
 from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.shortage import shortage
 from oracle_server.process.worker import packed
@@ -103,7 +104,7 @@ class Recordings:
         self._registry, self._library, self._most_rows = registry, library, most_rows
         self._types = [packed(str(folder)) for folder in types]
         self._all: OrderedDict[str, Recording] = OrderedDict()
-        self._turn = asyncio.Lock()
+        self._turns = Turns()
         self._stopping = False
 
     def listed(self) -> list[Recording]:
@@ -191,7 +192,7 @@ class Recordings:
         state: State = "failed"
         task = Task(packed(str(path)), one.name, entry.file.text, self._types, 4 * self.uploads.most_bytes)
         try:
-            async with self._turn:
+            async with self._turns.one():
                 one.state = "judging"
                 await judging.run(task)
             state, one.complete = "judged", True
