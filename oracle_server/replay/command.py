@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from oracle_server.core.errors import OracleError, one_line
@@ -21,6 +21,8 @@ from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.annotations import property_places
 
 _EVERY = 256
+_MOST_IGNORED = 20
+"""Streams that no spec observes, and that are told by their names: a robot has hundreds."""
 
 
 def run_replay(
@@ -80,15 +82,23 @@ def _tell(replay: Replay, form: Format) -> int:
         lines += [f"{replay.spec.id}: {name} was not judged: {reason}" for name, reason in end.unjudged.items()]
         lines += [f"{replay.spec.id}: {doubt}" for doubt in end.doubts]
     if replay.events:
-        lines += [
-            f"ignored {counted(count, 'event')} of '{name}', which {replay.spec.id} does not observe"
-            for name, count in sorted(replay.recording.ignored.items())
-            if count
-        ]
+        lines += _ignored(replay)
     if end.status == UNJUDGED and not end.unjudged:
         lines.append(f"{replay.spec.id}: ends with {UNJUDGED} because of --strict: not everything was judged")
     say(lines)
     return end.status
+
+
+def _ignored(replay: Replay) -> Iterator[str]:
+    """What no stream of the spec observes, those first that have most where not all are told."""
+    counts = {name: count for name, count in replay.recording.ignored.items() if count}
+    told = sorted(counts, key=lambda name: (-counts[name], name))[:_MOST_IGNORED]
+    for name in sorted(told):
+        yield f"ignored {counted(counts[name], 'event')} of '{name}', which {replay.spec.id} does not observe"
+    if len(counts) > len(told):
+        more = sum(counts.values()) - sum(counts[name] for name in told)
+        others = counted(len(counts) - len(told), "other stream")
+        yield f"ignored {counted(more, 'event')} of {others}, which {replay.spec.id} does not observe"
 
 
 def say(lines: Iterable[str]) -> None:

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.replay.judging import exit_of
 from tests.whole.harness import run
 
 ROOT = Path(__file__).parents[2]
@@ -165,3 +166,19 @@ def test_a_ci_is_told_why_an_input_can_not_be_used(bad: str, odd: Path, tmp_path
     assert error.get("message") == why.removeprefix("oracle-server: ")
     annotated = run("replay", odd, spec, recording, "--format", "github")
     assert (annotated.returncode, annotated.stdout) == (2, f"::error::{error.get('message')}\n")
+
+
+def test_of_many_streams_that_no_spec_observes_the_busiest_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (spec := tmp_path / "spec.yaml").write_text(
+        "id: s\nstreams: [{topic: /a}]\nproperties: [{id: p, formula: '{v: 1}'}]"
+    )
+    events = [("a", 1), *((f"t{n}", 1 + (n == 9)) for n in range(22))]
+    lines = [{"topic": name, "time": 1, "v": 1} for name, count in events for _ in range(count)]
+    (log := tmp_path / "log.txt").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert exit_of(spec, log) == 0
+    told = [line.removeprefix("oracle-server: ignored ") for line in capsys.readouterr().err.splitlines()]
+    assert len(told) == 21
+    assert "2 events of 't9', which s does not observe" in told
+    assert told[-1] == "2 events of 2 other streams, which s does not observe"
