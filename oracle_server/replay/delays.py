@@ -22,6 +22,8 @@ _SIMULATED = (
     "; where the stamps are in a simulation's time, and those of the recording are not, `--by arrival` judges by the "
     "recording's alone; `ros2 bag record --use-sim-time` has both in the simulation's"
 )
+_FAR = 60 * SECOND
+"""No message that is on its way for so long is like the others: its clock was set, or is another one."""
 DAY = 86_400 * SECOND
 """For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
 
@@ -70,7 +72,7 @@ class Delays:
         self._present = max(self._present, step.time)
 
     def notes(self) -> Iterator[Note]:
-        """What is to be said of each stream; where most of its events are not in their place that is a doubt."""
+        """What is to be said of each stream; a doubt where most of its events are not in their place, or are far."""
         for stream, events in self._events.items():
             for found, before, after in (
                 (self._late, *_LATE), (self._skewed, *_SKEWED), (self._overtaken, *_OVERTAKEN),
@@ -80,7 +82,8 @@ class Delays:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
                     text += self._own_time(stream, found) if found.most[stream] > DAY else ""
-                    yield Note(text, doubt=count > max(_HANDFUL, events // 2))
+                    many = _HANDFUL if found.most[stream] > _FAR else max(_HANDFUL, events // 2)
+                    yield Note(text, doubt=count > many)
             count = self._placed.count[stream]
             if count:
                 most = self._placed.most[stream]  # 0 where only a deadline was judged before

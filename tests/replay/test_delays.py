@@ -78,6 +78,13 @@ def test_fewer_than_most_are_only_said(by: int, off: int, tmp_path: Path) -> Non
     assert note.startswith(f"/scan: {off} of its {12 + off} messages are {'late' if by < 0 else 'skewed'}, up to ")
 
 
+@pytest.mark.parametrize("by", [-3_600_000, 3_600_000])
+def test_some_that_are_an_hour_from_their_place_are_a_doubt(by: int, tmp_path: Path) -> None:
+    """As where a clock was set while it was recorded: most of the time it was right."""
+    said = [judged(tmp_path, [0] * 20 + [by] * count).strict for count in (5, 6)]
+    assert said == [0, 3]
+
+
 def test_a_handful_is_no_matter_however_few_there_are(tmp_path: Path) -> None:
     found = judged(tmp_path, [5000] * 5)
     assert (found.exit, found.strict) == (0, 0)
