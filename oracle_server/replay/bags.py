@@ -81,6 +81,7 @@ class Bag:
                 self.until = _newest(storages)
                 self.notes += [*notes_of(self._topics.values(), files, storages), *self._published.notes()]
                 self.notes += notes_of_span(self.since, self.until)
+                self.notes += self._pauses.standing(self._plan.spec)
                 self.notes += (Note(text, doubt=True) for text in self._pauses.told(partial(_heard, storages)))
         except TraceError as error:
             text = one_line(str(error).replace(f"{place}", str(self.path)))
@@ -209,6 +210,7 @@ class Bag:
                 continue
             for item in items:
                 seq, now = seq + 1, max(now, time)
+                self._pauses.published(item.stamp)
                 yield Recorded(_event(item, seq, now, self.lost), passed=item.passed)
                 self.lost = 0
 

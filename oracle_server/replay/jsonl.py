@@ -143,6 +143,7 @@ class Trace:
         if line.data is not None and (published is None or not (where is None or where.plain)):
             self._look_inside(line, place, where)
         stamp = published or line.otherwise
+        self._pauses.published(stamp)
         arrived = line.arrived if self.clocked else stamp
         self._now = max(self._now, arrived or 0)
         self._lost += line.lost
@@ -163,6 +164,7 @@ class Trace:
             if count:
                 what = f"{name}: {counted(count, 'event')} of the kind `{kind}`"
                 yield Note(f"{what}, and the spec has another one there", doubt=True)
+        yield from self._pauses.standing(self.spec)
         yield from (Note(text) for text in self._pauses.told())
         yield from self._numbers.notes()
         if self._back:

@@ -1,4 +1,4 @@
-"""Pauses of a recording that are far longer than all else in it, in which deadlines ran out and nothing was heard."""
+"""Pauses of a recording that are far longer than all else in it, and recordings in which no time passes at all."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from oracle_server.core.naming import moment
-from oracle_server.core.spec import SECOND
+from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.units import counted
+from oracle_server.replay.recording import Note
 
 _LEAST = 10 * SECOND
 """A shorter one (ns) is none."""
@@ -17,6 +18,8 @@ _TIMES = 100
 """How many times as long as all others it is, at least: what comes regularly has no such one."""
 _AROUND = 100
 """So many messages before it and behind it tell what is regular; what comes in bursts has fewer together."""
+_SEVERAL = 20
+"""So many messages at least have more than one time, where they have their own."""
 _MOST = 8
 """More than so many are none: each is as others are."""
 _YEAR = 365 * 86_400 * SECOND
@@ -39,6 +42,7 @@ class Pauses:
         """Begin with nothing seen."""
         self._longest: list[_Gap] = []
         self._seen = self._last = 0
+        self._times: set[int] = set()
 
     def look(self, time: int) -> None:
         """Look at the next time (ns); one that is earlier than those before is no matter."""
@@ -48,6 +52,12 @@ class Pauses:
             push(self._longest, _Gap(gap, self._seen, self._last, time))
         self._last = max(self._last, time)
         self._seen += 1
+        self.published(time)
+
+    def published(self, time: int | None) -> None:
+        """Look at when a message was published (ns), where that is told."""
+        if time is not None and len(self._times) < 2:
+            self._times.add(time)
 
     def told(self, heard: Callable[[int, int], bool] = lambda _since, _until: False) -> Iterator[str]:
         """What is to be said of them, in a line; `heard` tells whether anything else arrived between two times (ns)."""
@@ -63,6 +73,13 @@ class Pauses:
             f"{what}, and never else for more than {usual / SECOND:.3g} s: a clock was set, the recorder was paused, "
             "or messages are missing; deadlines between these times ran out"
         )
+
+    def standing(self, spec: Spec) -> Iterator[Note]:
+        """What is to be said where no time passes at all, and a spec asks how much does."""
+        timed = [prop.id for prop in spec.properties if prop.time == "seconds"]
+        if timed and self._seen >= _SEVERAL and len(self._times) == 1:
+            what = f"all its {self._seen} messages arrived at the same time, {moment(self._last)}: none passes in it"
+            yield Note(f"{what}, and what {', '.join(timed)} asks of time was not judged", doubt=True)
 
     def _pauses(self) -> tuple[list[_Gap], int]:
         """The pauses, and how long (ns) nothing arrived else."""

@@ -54,3 +54,22 @@ def test_of_a_log_it_is_no_doubt(tmp_path: Path) -> None:
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     found = judge(write_spec(tmp_path, SPEC), path)
     assert (found.strict, found.said) == (0, SAID)
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize(("at", "when"), [(0, "00:00:00.000Z"), (-BASE // MS, "0.000 s")])
+def test_a_bag_in_which_no_time_passes_is_said(at: int, when: str, storage: StoragePlugin, tmp_path: Path) -> None:
+    """As of a recorder that never heard the clock of a simulation: whatever is to hold within 1 s does."""
+    spec = write_spec(tmp_path, SPEC.replace("formula", "time: seconds, formula"))
+    bag = write_numbers(tmp_path / "bag", {"/a": [(at, 1.0)] * 20}, storage)
+    found = judge(spec, bag)
+    said = f"all its 20 messages arrived at the same time, {when}: none passes in it, and what low asks of time was not"
+    assert (found.exit, found.strict, found.said) == (0, 3, f"{said} judged")
+
+
+@pytest.mark.parametrize(("step", "strict"), [(0, 3), (1, 0)])
+def test_time_passes_in_a_log_by_its_stamps(step: int, strict: int, tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    lines = [{"stream": "/a", "kind": "topic", "stamp": BASE - n * step, "arrived": BASE} for n in range(20, 0, -1)]
+    path.write_text("".join(json.dumps({**line, "data": {"data": 1}}) + "\n" for line in lines))
+    assert judge(write_spec(tmp_path, SPEC.replace("formula", "time: seconds, formula")), path).strict == strict
