@@ -72,7 +72,7 @@ def router(registry: Registry, history: Reading) -> Routes:
         if summary:
             if {*request.query_params} - {"summary"}:
                 raise HTTPException(422, "summary: stands alone, since it selects no verdicts")
-            return EventSourceResponse(summaries(registry, session_id), headers=STREAMED)
+            return EventSourceResponse(summaries(registry, history, session_id), headers=STREAMED)
         demand_properties(known, question.properties)
         await demand_stream(registry, history, known, question.stream)
         begin = after if last_event_id is None else number_of(last_event_id)

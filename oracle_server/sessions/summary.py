@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Any
 
 from oracle_server.core.asked import told as told_idle
@@ -12,6 +13,8 @@ from oracle_server.history.records import Document
 
 _ROWS = {"properties": ("id", "order"), "streams": ("monitor", "stream", "kind"), "monitors": ("name",)}
 """The lists of a state, and what tells their rows apart."""
+_PLACES = {key: itemgetter(*names) for key, names in _ROWS.items()}
+"""The same of a row, to be compared."""
 
 _BRIEF = (
     "id", "spec", "kind", "origin", "run", "status", "live", "idle", "without_monitor_since", "clock", "opened",
@@ -51,18 +54,17 @@ def changed(before: Document, now: Document) -> Document:
 
 def _gone(key: str, before: Document, now: Document) -> list[Document]:
     """What tells the rows apart that are not there any more."""
-    names = _ROWS[key]
-    there = {tuple(row[name] for name in names) for row in now[key]}
-    known = [tuple(row[name] for name in names) for row in before.get(key, ())]
-    return [dict(zip(names, each, strict=True)) for each in known if each not in there]
+    place = _PLACES[key]
+    there = {*map(place, now[key])}
+    return [{name: row[name] for name in _ROWS[key]} for row in before.get(key, ()) if place(row) not in there]
 
 
 def _news(key: str, before: Document, value: Any) -> Any:
-    names = _ROWS.get(key)
-    if names is None or key not in before:
+    place = _PLACES.get(key)
+    if place is None or key not in before:
         return value
-    known = {tuple(row[name] for name in names): row for row in before[key]}
-    return [row for row in value if known.get(tuple(row[name] for name in names)) != row]
+    known = {place(row): row for row in before[key]}
+    return [row for row in value if known.get(place(row)) != row]
 
 
 def brief(state: Document) -> Document:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from oracle_server.api import summaries as summaries_module
 from oracle_server.api.summaries import summaries
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.records import Document
 from oracle_server.sessions.status import session_state
 from oracle_server.sessions.summary import brief, changed, summary
 from oracle_server.wire.incoming import ReportMessage
@@ -51,8 +53,27 @@ async def test_rows_that_are_not_there_any_more_are_told(tmp_path: Path) -> None
     assert changed(before, after)["gone"] == {"streams": [{"monitor": name, "stream": stream, "kind": kind}]}
 
 
+async def test_what_has_changed_is_found_beside_the_event_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, GUARD)
+    await sessions.attach(attach("s", "guard"), Kept())
+    found: list[threading.Thread] = []
+
+    def noted(sent: Document, state: Document) -> Document:
+        found.append(threading.current_thread())
+        return changed(sent, state)
+
+    monkeypatch.setattr(summaries_module, "changed", noted)
+    assert (await anext(summaries(sessions, history, "s"))).startswith(b"event: summary")
+    assert len(found) == 1
+    assert found[0] is not threading.current_thread()
+
+
 async def test_who_was_told_much_is_told_the_next_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sessions = registry(MemoryHistory(), tmp_path, GUARD)
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, GUARD)
     live, _ = await sessions.attach(attach("s", "guard"), Kept())
     waits: list[float] = []
 
@@ -62,7 +83,7 @@ async def test_who_was_told_much_is_told_the_next_later(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(summaries_module, "_RATE", 100)
     monkeypatch.setattr(asyncio, "sleep", rest)
-    told = summaries(sessions, "s")
+    told = summaries(sessions, history, "s")
     sizes = [len(await anext(told))]
     assert [text async for text in told] == []
     assert waits == [sizes[0] / 100]
