@@ -77,7 +77,8 @@ def retraction_text(record: VerdictRecord | Mapping[str, Any]) -> str:
 
 def value_text(value: Scalar) -> str:
     """A value as JSON in one line of printable characters; what is cut off a long one is shown as `…`."""
-    text = one_line(json.dumps(value, ensure_ascii=False))
+    seen = value[:_LONGEST] if isinstance(value, str) else value  # it may have a million characters
+    text = one_line(json.dumps(seen, ensure_ascii=False))
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 

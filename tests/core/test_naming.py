@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from datetime import UTC, datetime
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from oracle_server.core import naming
+from oracle_server.core.errors import one_line
 from oracle_server.core.naming import moment, step_name, value_text
 
 STAMPS = st.integers(min_value=10**18, max_value=2**63)
@@ -43,3 +46,15 @@ def test_a_value_is_told_in_one_line_and_as_it_is_where_it_is_short(value: str |
     assert len(text) <= 81
     plain = isinstance(value, str) and not value.isprintable()
     assert text.endswith("…") or plain or json.loads(text) == value
+
+
+def test_of_a_long_text_no_more_is_looked_at_than_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_at: list[int] = []
+
+    def noted(text: str) -> str:
+        looked_at.append(len(text))
+        return one_line(text)
+
+    monkeypatch.setattr(naming, "one_line", noted)
+    assert value_text("\u202e" * 10**6) == '"' + ("\\u202e" * 14)[:79] + "…"
+    assert looked_at == [82]
