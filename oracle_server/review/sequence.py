@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypedDict
+from typing import NamedTuple, TypedDict
 
 from oracle_server.core.errors import OracleError
 from oracle_server.core.events import Order, Released
@@ -23,7 +23,8 @@ MOST = 200
 """Events in one answer."""
 _LOOKED_AT = 5_000
 """Rows that are looked at on each side, of which most may be of other streams."""
-_AT_ONCE = 500
+_AT_FIRST, _AT_ONCE = 50, 500
+"""Rows that are read at first, and at once at the most: they may be large."""
 _MOST_SIGNALS, _LONGEST = 6, 100
 _MOST_VIOLATED = 10
 _GRAVEST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outcome.CURRENTLY_TRUE, Outcome.TRUE)
@@ -112,25 +113,23 @@ async def sequence(history: Reading, opened: SessionRecord, wanted: Wanted) -> S
     ready = await history.in_thread(partial(plan_of, opened))
     first, last = await history.extent(opened.number)
     center, order = await _center(history, opened, wanted, range(first, last + 1))
+    simulated = any(monitor.clock == "sim" for monitor in await history.monitors(opened.number))
     take = partial(_concerns, ready, None if wanted.others else index, order)
-    find = partial(_find, history, opened.number, range(first, last + 1), take)
+    item = partial(_item, properties=opened.properties, index=index, simulated=simulated)
+    find = partial(_find, history, opened.number, range(first, last + 1), partial(_looked_at, take, item))
     if wanted.before is not None:
         found = await find(center - 1, wanted.limit, forwards=False)
     elif wanted.after is not None:
         found = await find(center + 1, wanted.limit, forwards=True)
     else:
         ahead = await find(center, wanted.limit - wanted.limit // 2, forwards=True)
-        back = await find(center - 1, wanted.limit - len(ahead.steps), forwards=False)
+        back = await find(center - 1, wanted.limit - len(ahead.items), forwards=False)
         found = back.joined(ahead)
     width = len(opened.properties)
-    simulated = any(monitor.clock == "sim" for monitor in await history.monitors(opened.number))
-    items = await history.in_thread(
-        lambda: [_item(step, opened.properties, index, simulated=simulated) for step in found.steps]
-    )
     span = found.span
     return {
         "order": order,
-        "items": items,
+        "items": [*found.items],
         "left_out": found.left_out,
         "earlier": (span.start - 1) * width + 1 if first < span.start else None,
         "later": (span.stop - 1) * width if span.stop <= last else None,
@@ -166,45 +165,61 @@ async def _position_at(history: Reading, session: int, time: int, kept: range) -
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Steps in a span of positions that was looked at, and how many other events are between them."""
+    """Events in a span of positions that was looked at, and how many others are between them."""
 
-    steps: Sequence[StoredStep]
+    items: Sequence[ItemRecord]
     span: range
     left_out: int
 
     def joined(self, later: _Found) -> _Found:
         """These, and what comes behind them."""
         span = range(self.span.start, later.span.stop)
-        return _Found([*self.steps, *later.steps], span, self.left_out + later.left_out)
+        return _Found([*self.items, *later.items], span, self.left_out + later.left_out)
+
+
+class _LookedAt(NamedTuple):
+    """What is left of a row: its position, whether it is wanted, and what is told of it if it is."""
+
+    position: int
+    wanted: bool | None
+    item: ItemRecord | None
 
 
 async def _find(
-    history: Reading, session: int, kept: range, take: Callable[[StoredStep], bool | None], begin: int, most: int,
-    *, forwards: bool,
+    history: Reading, session: int, kept: range, look: Callable[[Sequence[StoredStep]], list[_LookedAt]], begin: int,
+    most: int, *, forwards: bool,
 ) -> _Found:  # fmt: skip
-    """So many steps at a position and behind it, or before it."""
-    found: list[StoredStep] = []
-    left_out, at, looked = 0, begin, 0
+    """So many events at a position and behind it, or before it."""
+    found: list[ItemRecord] = []
+    left_out, at, looked, size = 0, begin, 0, _AT_FIRST
     while len(found) < most and at in kept and looked < _LOOKED_AT:
-        span = (
-            range(at, min(at + _AT_ONCE, kept.stop)) if forwards else range(max(at - _AT_ONCE + 1, kept.start), at + 1)
-        )
-        page = [step async for steps in history.steps(session, span.start - 1, span.stop - 1) for step in steps]
-        for step in page if forwards else reversed(page):
-            looked, at = looked + 1, step.position + (1 if forwards else -1)
-            wanted = take(step)
-            if wanted:
-                found.append(step)
+        span = range(at, min(at + size, kept.stop)) if forwards else range(max(at - size + 1, kept.start), at + 1)
+        page: list[_LookedAt] = []
+        async for steps in history.steps(session, span.start - 1, span.stop - 1):
+            page += await history.in_thread(partial(look, steps))
+        for position, wanted, item in page if forwards else reversed(page):
+            looked, at = looked + 1, position + (1 if forwards else -1)
+            if item is not None:
+                found.append(item)
             left_out += wanted is False
             if len(found) == most:
                 break
         if not page:
             break
+        size = min(2 * size, _AT_ONCE)
     return (
         _Found(found, range(begin, at), left_out)
         if forwards
         else _Found(found[::-1], range(at + 1, begin + 1), left_out)
     )
+
+
+def _looked_at(
+    take: Callable[[StoredStep], bool | None], item: Callable[[StoredStep], ItemRecord], steps: Sequence[StoredStep]
+) -> list[_LookedAt]:
+    """What is left of rows once they were looked at, which may be large."""
+    found = [(step, take(step)) for step in steps]
+    return [_LookedAt(step.position, wanted, item(step) if wanted else None) for step, wanted in found]
 
 
 def _concerns(ready: Plan, index: int | None, order: Order, stored: StoredStep) -> bool | None:
@@ -217,7 +232,7 @@ def _concerns(ready: Plan, index: int | None, order: Order, stored: StoredStep) 
     return index is None or index in ready.readers.get(stored.step.event.stream.name, ())
 
 
-def _item(stored: StoredStep, properties: Sequence[str], index: int | None, *, simulated: bool) -> ItemRecord:
+def _item(stored: StoredStep, *, properties: Sequence[str], index: int | None, simulated: bool) -> ItemRecord:
     step, event = stored.step, stored.step.event
     first = (stored.position - 1) * len(properties) + 1
     stands = said(stored, "standing")

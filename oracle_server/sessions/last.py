@@ -12,8 +12,11 @@ from oracle_server.history.records import PropertyStands, SessionRecord, StoredS
 from oracle_server.history.views import said
 
 ORDERS: tuple[Order, ...] = get_args(Order)
-_PAGES = (100, *[1_000] * 20)
-"""So many rows are read at once, backwards: one order is ahead of the other by what is held."""
+_PAGE, _PAGES = 100, 200
+"""Rows that are read at once, backwards, and how often: one order is ahead of the other by what is held.
+
+They are in memory together, and may have a megabyte each.
+"""
 
 
 class Last:
@@ -58,8 +61,8 @@ async def last_rows(history: Reading, record: SessionRecord, orders: Collection[
     """What the last rows of each of the orders tell. Raises `HistoryError`."""
     found: dict[Order, Last] = {}
     first, upto = await history.extent(record.number)
-    for page in _PAGES:
-        since = max(first - 1, upto - page)
+    for _ in range(_PAGES):
+        since = max(first - 1, upto - _PAGE)
         for row in reversed([row async for rows in history.steps(record.number, since, upto) for row in rows]):
             found.setdefault(row.order, Last()).take(row)
         upto = since
