@@ -47,7 +47,7 @@ async def summaries(registry: Registry, history: Reading, session_id: str) -> As
 
 
 def _news(sent: Document, found: Document | None) -> tuple[Document, bytes]:
-    """The summary of a state that was found, and the event that tells what differs from what was sent; empty if none."""
+    """The summary of a state that was found, and the event that tells what differs from what was sent, if any."""
     state = summary(told(found) if found else {"streams": [], "status": "closed"})
     news = changed(sent, state)
     return state, format_sse_event(event="summary", data_str=encode(news)) if news else b""

@@ -17,7 +17,7 @@ from oracle_server.core.naming import first_name, moment
 from oracle_server.edge.tokens import Token
 from oracle_server.process.progress import progress
 from oracle_server.process.tables import print_table
-from oracle_server.sessions.summary import LISTED, stream_troubles
+from oracle_server.sessions.summary import LISTED, idle, stream_troubles
 
 SESSIONS = ("session", "spec", "status", "monitors", "steps", "violations", "first at")
 _CLOSED_WITHIN = 30.0
@@ -52,6 +52,7 @@ def show_sessions(client: Client, origin: str | None = None, *, as_json: bool) -
             sys.stdout.write(f"of closed sessions these are the last {LISTED:,}; `verdicts SESSION` tells of any\n")
         for state in document["items"]:
             _show_caveats(state | {"doubts": _first_of(state.get("doubts", ()))}, f"{state['id']}: ")
+            _show_remarks({"remarks": [idle(state)] if idle(state) else []}, f"{state['id']}: ")
 
 
 def show_closed(client: Client, session: str, *, as_json: bool) -> None:
@@ -162,9 +163,9 @@ def _show_caveats(state: dict[str, Any], where: str = "") -> None:
     sys.stdout.writelines(f"{one_line(where + text)}\n" for text in _caveats(state))
 
 
-def _show_remarks(state: dict[str, Any]) -> None:
+def _show_remarks(state: dict[str, Any], where: str = "") -> None:
     """Print of which properties nothing was asked, which an older server does not tell."""
-    sys.stdout.writelines(f"{one_line(text)}\n" for text in state.get("remarks", ()))
+    sys.stdout.writelines(f"{one_line(where + text)}\n" for text in state.get("remarks", ()))
 
 
 def _caveats(state: dict[str, Any]) -> list[str]:

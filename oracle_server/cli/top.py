@@ -14,6 +14,7 @@ from rich.live import Live
 from oracle_server.cli.client import Client
 from oracle_server.cli.tables import SESSIONS, cell, in_doubt, session_row, status_of, violations_of
 from oracle_server.process.tables import print_table, table
+from oracle_server.sessions.summary import idle
 
 _DOUBT = "in doubt"
 _HEAD = ("session", "status", "monitors", "steps/s", "held", "violations", "open", "wrong now", _DOUBT)
@@ -25,7 +26,8 @@ def watch_sessions(client: Client, origin: str | None = None) -> None:
     """Draw the sessions, or those that are forwarded from a robot, until Ctrl-C."""
 
     def rows() -> list[tuple[str, ...]]:
-        return [(*session_row(state), in_doubt(state)) for state in client.get("sessions", origin=origin)["items"]]
+        states = client.get("sessions", origin=origin)["items"]
+        return [(*session_row(state), in_doubt(state) or idle(state)) for state in states]
 
     _watch((*SESSIONS, _DOUBT), rows)
 
@@ -76,7 +78,7 @@ def _row(state: dict[str, Any], rate: float | None, wrong: list[str], doubt: str
         violations_of(state),
         str(len(wrong)),
         ", ".join(Counter(wrong)),
-        doubt,
+        doubt or idle(state),
     )
 
 

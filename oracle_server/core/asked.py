@@ -117,5 +117,14 @@ def told(idle: Sequence[tuple[str, str]]) -> Iterator[str]:
         yield f"nothing was asked of {', '.join(first)}{' and ' if first else ''}{last}"
 
 
+def briefly(names: Sequence[str]) -> str:
+    """The same for a list of many sessions, without what never held; empty where there are no such properties."""
+    few = ", ".join(names[:_FEW])
+    more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return f"nothing was asked of {few}{more}" if names else ""
+
+
 _MOST = 8
 """Properties that are named with what never held."""
+_FEW = 3
+"""Properties that a list of many sessions names."""

@@ -23,7 +23,7 @@ export function compareView(id, other) {
   async function refresh() {
     if (!other) return choose();
     const states = await Promise.all([id, other].map((each) => get(of(each))));
-    const news = states.map((each) => [each.status, each.properties.map(({ outcome, violations }) => [outcome, violations]), each.counters.steps, each.revising?.passes, doubtsOf(each)]);
+    const news = states.map((each) => [each.status, each.properties.map(({ outcome, violations }) => [outcome, violations]), each.counters.steps, each.revising?.passes, doubtsOf(each), each.remarks]);
     if (found && !history.isDue(JSON.stringify(news))) return;
     const sides = await Promise.all(states.map(sideOf));
     history.wasRead();
@@ -96,7 +96,10 @@ function doubtsOf({ status, trouble, properties, doubts }) {
 function unsure(state) {
   const all = doubtsOf(state);
   const rest = all.length > FEW ? `; and ${all.length - FEW} more` : "";
-  return all.length ? h("p", { class: "complaint" }, `${state.id}: ${all.slice(0, FEW).join("; ")}${rest}`) : null;
+  return [
+    all.length ? h("p", { class: "complaint" }, `${state.id}: ${all.slice(0, FEW).join("; ")}${rest}`) : null,
+    (state.remarks ?? []).map((text) => h("p", { class: "hint" }, `${state.id}: ${text}`)),
+  ];
 }
 
 /** Whether a session had violations that are in none of its episodes: they were deleted with their events. */

@@ -123,14 +123,15 @@ function duration({ group, open: [worst], live, clock, latest }) {
 }
 
 /** What is wrong in a session: its gravest open episode, and how many more there are; else what keeps it from being judged, or from being judged right, or was wrong last, or how often it was wrong. */
-function wrong({ id, group, open: [worst, ...more], trouble, caveats, doubts, latest, violations }) {
+function wrong({ id, group, open: [worst, ...more], trouble, caveats, doubts, unasked, latest, violations }) {
   const now_ = [trouble, ...caveats].filter(Boolean);
   const all = [...now_, ...doubts];
   const doubt = all.length ? h("span", { class: "complaint", title: all.join("\n") }, all[0]) : null;
+  const idle = unasked && !all.length ? h("span", { class: "hint" }, unasked) : null;
   const before = violations ? h("span", { class: "hint" }, `${counted(violations, "violation")} before`) : null;
   if (!worst && group === "Wrong now") return [h("a", { tabindex: -1, class: "bad", href: at(id) }, "fails"), doubt]; // its episode is not among those that were asked for
   if (!worst && latest && !now_.length) return [h("a", { tabindex: -1, class: "was", href: at(id, latest.first) }, `${latest.property} for ${span(lasted(latest, null))}`), h("span", { class: "hint" }, worstOf(latest) || reasonOf(latest)), doubt];
-  if (!worst) return [doubt, before];
+  if (!worst) return [doubt, idle, before];
   return [
     h("a", { tabindex: -1, class: "bad", href: at(id, worst.first) }, worst.property, worst.final ? ", for good" : ""),
     more.length ? h("span", { class: "chip bad" }, `+${more.length}`) : null,

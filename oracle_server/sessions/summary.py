@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from operator import itemgetter
 from typing import Any
 
+from oracle_server.core.asked import briefly
 from oracle_server.core.asked import told as told_idle
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Outcome, worst
@@ -34,8 +35,17 @@ def told(state: Document) -> Document:
 
 def _remarks(state: Document) -> Iterator[str]:
     """That nothing was asked of properties, so that it tells nothing that they hold."""
-    idle = [row for row in state["properties"] if row.get("unasked")]
-    yield from told_idle([*{row["id"]: (row["id"], row["unasked"]) for row in idle}.values()])
+    yield from told_idle([*_idle(state).items()])
+
+
+def idle(state: Document) -> str:
+    """The same for a list of many sessions; empty where something was asked of each, or an older server tells it."""
+    return briefly([*_idle(state)])
+
+
+def _idle(state: Document) -> dict[str, str]:
+    """What never held of the properties of which nothing was asked, by their names."""
+    return {row["id"]: row["unasked"] for row in state["properties"] if row.get("unasked")}
 
 
 def summary(state: Document) -> Document:
@@ -81,7 +91,8 @@ def brief(state: Document) -> Document:
         "monitors": len(monitors),
         "connected": sum(bool(row["connected"]) for row in monitors),
         "caveats": [*dict.fromkeys(_caveats(state))][:_FEW],
-        "doubts": told(state)["doubts"][:_FEW],
+        "doubts": [*dict.fromkeys(_doubts(state))][:_FEW],
+        "unasked": idle(state) or None,
     }
 
 

@@ -53,9 +53,7 @@ async def test_rows_that_are_not_there_any_more_are_told(tmp_path: Path) -> None
     assert changed(before, after)["gone"] == {"streams": [{"monitor": name, "stream": stream, "kind": kind}]}
 
 
-async def test_what_has_changed_is_found_beside_the_event_loop(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_has_changed_is_found_beside_the_event_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     history = MemoryHistory()
     sessions = registry(history, tmp_path, GUARD)
     await sessions.attach(attach("s", "guard"), Kept())

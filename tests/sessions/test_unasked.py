@@ -13,7 +13,7 @@ from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
 from oracle_server.sessions.status import session_state
-from oracle_server.sessions.summary import told
+from oracle_server.sessions.summary import brief, idle, told
 from oracle_server.wire.incoming import Attach
 from tests.processes import PATIENCE
 from tests.sessions.making import Kept, event, registry
@@ -97,6 +97,7 @@ async def test_it_is_told_after_a_restart_and_when_the_session_is_closed(
         assert await second.closed_within(again, PATIENCE)
     state = await second.state("s")
     assert state is not None
+    assert brief(state)["unasked"] == f"nothing was asked of {', '.join(k for k, part in before.items() if part)}"
     (remark,) = told(state)["remarks"]
     assert remark.startswith(NEVER.removesuffix(")"))
     assert told(state)["doubts"] == []
@@ -125,3 +126,9 @@ async def test_adapters_are_told_with_how_it_stands(tmp_path: Path) -> None:
 async def test_what_an_older_version_kept_tells_nothing() -> None:
     row = {"id": "p", "outcome": "currently_true", "violations": 0}
     assert told({"properties": [row], "streams": [], "counters": {}, "status": "closed"})["remarks"] == []
+
+
+def test_a_list_of_many_sessions_names_a_few() -> None:
+    rows = [{"id": f"p{i}", "unasked": "{v}"} for i in range(5)]
+    assert idle({"properties": [*rows, *rows]}) == "nothing was asked of p0, p1, p2 and 2 more"
+    assert idle({"properties": []}) == ""
