@@ -60,9 +60,9 @@ def router(registry: Registry, history: History) -> Routes:
         seen = [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]
         return await tagged_answer(request, history, partial(_listed, seen, short))
 
-    @routes.post("/sessions", status_code=201)
+    @routes.post("/sessions", status_code=201, response_model=dict[str, Any])
     @needs("submit")
-    async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:
+    async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> Response:
         """Open a session that monitors can attach to by its name; it stays open when the server restarts."""
         demand(request, spec=wanted.spec, session=wanted.id)
         await demand_name(request, registry, wanted.id)
@@ -78,7 +78,9 @@ def router(registry: Registry, history: History) -> Routes:
         except TimeoutError:
             raise HTTPException(503, "the history can't be written; the session is open, but not stored yet") from None
         session.keeping.check()
-        return await state_of(registry, session.id)
+        answer = await json_answer(request, history, await state_of(registry, session.id))
+        answer.status_code = 201
+        return answer
 
     @routes.get("/sessions/{session_id}", response_model=dict[str, Any])
     @needs("read")
@@ -87,9 +89,9 @@ def router(registry: Registry, history: History) -> Routes:
         await demand_session(request, registry, session_id)
         return await json_answer(request, history, await state_of(registry, session_id))
 
-    @routes.delete("/sessions/{session_id}")
+    @routes.delete("/sessions/{session_id}", response_model=dict[str, Any])
     @needs("admin")
-    async def close_session(session_id: str, request: Request) -> dict[str, Any]:
+    async def close_session(session_id: str, request: Request) -> Response:
         """Judge all held events of a session, and close it; its history is kept.
 
         One that could not be restored is closed as it stands.
@@ -101,7 +103,7 @@ def router(registry: Registry, history: History) -> Routes:
             raise HTTPException(409 if isinstance(error, OtherServerError) else 500, str(error)) from None
         if not closed:
             raise HTTPException(503, "the history can't be written; the session is closed as soon as it can be")
-        return await state_of(registry, session_id)
+        return await json_answer(request, history, await state_of(registry, session_id))
 
     return routes
 

@@ -11,7 +11,10 @@ from typing import NamedTuple
 
 from oracle_server.core.errors import HistoryError, OracleError
 from oracle_server.core.events import By, Order
+from oracle_server.core.plan import Plan
+from oracle_server.core.session import Session
 from oracle_server.core.spec import UNREACHABLE
+from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
 from oracle_server.history.records import Kind, SessionRecord
 from oracle_server.process.clock import Clock
@@ -100,3 +103,8 @@ class Records:
             number, name, spec.id, entry.file.text, spec.digest, tuple([p.id for p in spec.properties]), private,
             self._clock.since(0).now(), begun.by, begun.at, begun.decides, kind,
         )  # fmt: skip
+
+
+def fresh(plan: Plan) -> Session:
+    """A session that has judged nothing yet: of a thousand properties it takes longer than a decision may wait."""
+    return Session(plan, make_engines(plan))

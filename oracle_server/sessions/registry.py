@@ -14,7 +14,6 @@ from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.events import By
 from oracle_server.core.plan import Plan, judged_by
 from oracle_server.core.session import Session
-from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
 from oracle_server.history.readers import reading_for
 from oracle_server.history.records import Document, SessionRecord
@@ -30,7 +29,7 @@ from oracle_server.sessions.elsewhere import Left, Others
 from oracle_server.sessions.endings import BY_REQUEST, CLOCK_SET_BACK, Runs, end_of, ended, is_ahead, note_closed, over
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
-from oracle_server.sessions.opening import Begun, Records, SessionExistsError, SessionNameError, unopened
+from oracle_server.sessions.opening import Begun, Records, SessionExistsError, SessionNameError, fresh, unopened
 from oracle_server.sessions.recorded import RecordedSession
 from oracle_server.sessions.restoring import Restoring
 from oracle_server.sessions.shares import Shares
@@ -344,7 +343,7 @@ class Registry:
 
     async def _open(self, entry: Entry, session_id: str, private: bool, by: By | None) -> LiveSession:
         ready = judged_by(entry.plan, by)
-        core = Session(ready, await asyncio.get_running_loop().run_in_executor(self._builders, make_engines, ready))
+        core = await asyncio.get_running_loop().run_in_executor(self._builders, fresh, ready)
         record = await self._records.make(entry, session_id, Begun(by, next(iter(core.judges))), private=private)
         if self._stopping:
             raise stops()

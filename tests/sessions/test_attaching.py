@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from pathlib import Path
+from typing import Any
 
+import pytest
+
+from oracle_server.core.session import Session
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import SessionRecord
+from oracle_server.sessions import opening
 from oracle_server.sessions.shares import Shares
 from tests.sessions.making import GUARD, Kept, attach, registry
 
@@ -56,3 +62,17 @@ async def test_others_rest_for_a_session_while_it_has_monitors(tmp_path: Path) -
     assert resting_for() == 0
     await sessions.attach(attach("one", "guard", "a"), Kept())
     assert resting_for() == 1
+
+
+async def test_a_session_is_made_beside_the_event_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[threading.Thread] = []
+
+    class Noted(Session):
+        def __init__(self, *given: Any, **named: Any) -> None:
+            made.append(threading.current_thread())
+            super().__init__(*given, **named)
+
+    monkeypatch.setattr(opening, "Session", Noted)
+    await registry(MemoryHistory(), tmp_path, GUARD).attach(attach("s", "guard"), Kept())
+    assert len(made) == 1
+    assert made[0] is not threading.current_thread(), "of a thousand properties it takes a quarter of a second"
