@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple, TypedDict
@@ -11,7 +11,6 @@ from oracle_server.core.errors import OracleError
 from oracle_server.core.events import Order, Released
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS, StepKind
-from oracle_server.core.plan import Plan
 from oracle_server.core.records import WaitedRecord
 from oracle_server.core.verdicts import NEGATIVE, Outcome, waited_record
 from oracle_server.history.port import Reading
@@ -110,11 +109,12 @@ async def sequence(history: Reading, opened: SessionRecord, wanted: Wanted) -> S
     The property is one of the session's. Raises `NowhereError` where there is no such verdict.
     """
     index = None if wanted.property is None else opened.properties.index(wanted.property)
-    ready = await history.in_thread(partial(plan_of, opened))
+    chosen = None if wanted.others else index
+    readers = {} if chosen is None else (await history.in_thread(partial(plan_of, opened))).readers  # may take seconds
     first, last = await history.extent(opened.number)
     center, order = await _center(history, opened, wanted, range(first, last + 1))
     simulated = any(monitor.clock == "sim" for monitor in await history.monitors(opened.number))
-    take = partial(_concerns, ready, None if wanted.others else index, order)
+    take = partial(_concerns, readers, chosen, order)
     item = partial(_item, properties=opened.properties, index=index, simulated=simulated)
     find = partial(_find, history, opened.number, range(first, last + 1), partial(_looked_at, take, item))
     if wanted.before is not None:
@@ -222,14 +222,16 @@ def _looked_at(
     return [_LookedAt(step.position, wanted, item(step) if wanted else None) for step, wanted in found]
 
 
-def _concerns(ready: Plan, index: int | None, order: Order, stored: StoredStep) -> bool | None:
+def _concerns(
+    readers: Mapping[str, Collection[int]], index: int | None, order: Order, stored: StoredStep
+) -> bool | None:
     """Whether a step is wanted; None for what is no event: rows of another order, revisions, others' deadlines."""
     if stored.order != order or stored.revision is not None:
         return None
     if stored.is_tick:
         violated = said(stored, "standing").explanations
         return True if (index in violated if index is not None else violated) else None
-    return index is None or index in ready.readers.get(stored.step.event.stream.name, ())
+    return index is None or index in readers.get(stored.step.event.stream.name, ())
 
 
 def _item(stored: StoredStep, *, properties: Sequence[str], index: int | None, simulated: bool) -> ItemRecord:
