@@ -91,11 +91,13 @@ async def test_the_description_of_the_api_is_drawn_within_its_policy(server: Ser
         ("#/specs/nowhere", "no spec 'nowhere'"),
         ("#/sessions/%ff", "connected"),
         ("#//", "connected"),
+        (f"#/sessions/{'z' * 300}", "is known"),
     ],
 )
 async def test_an_address_of_nothing_is_told(server: Server, page: Page, address: str, told: str) -> None:
     await page.goto(f"{server.url}/{address}")
     await expect(page.get_by_role("status")).to_contain_text(told)
+    assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "all of it is in view"
 
 
 def test_the_browser_is_told_to_run_nothing_else(server: Server) -> None:
