@@ -75,9 +75,13 @@ class Instants:
                 yield from children(node)
         yield self._formula
 
-    def occurrences(self) -> Iterator[Occurrence[Atom]]:
-        """The atoms of all instants."""
-        for instant, node, counts in self._leaves():
+    def occurrences(self, mended: Instants | None = None) -> Iterator[Occurrence[Atom]]:
+        """The atoms of all instants.
+
+        With the same formula `mended`, a part counts, too, where it and the one beside it would both be decisive, and
+        there neither is: each of two that fail for want of a signal, and are joined by `and`.
+        """
+        for instant, node, counts in self._leaves(mended):
             if isinstance(node, Atom):
                 yield Occurrence(node, instant, counts)
 
@@ -87,34 +91,53 @@ class Instants:
             if isinstance(node, Since | Historically):
                 yield Occurrence(node, instant, counts)
 
-    def _leaves(self) -> Iterator[tuple[Formula, Formula, tuple[bool, ...]]]:
+    def _leaves(self, mended: Instants | None = None) -> Iterator[tuple[Formula, Formula, tuple[bool, ...]]]:
         """Each instant with its atoms and temporal operators, and the places at which they count."""
         everywhere = (True,) * len(self._places)
         for instant in self.operands():
-            for node, counts in self._below(instant, everywhere):
+            for node, counts in self._below(instant, everywhere, mended):
                 yield instant, node, counts
 
-    def _below(self, node: Formula, counts: tuple[bool, ...]) -> Iterator[tuple[Formula, tuple[bool, ...]]]:
+    def _below(
+        self, node: Formula, counts: tuple[bool, ...], mended: Instants | None
+    ) -> Iterator[tuple[Formula, tuple[bool, ...]]]:
         """The atoms and temporal operators below a part that counts at some places, within its instant."""
         match node:
             case Not(operand) | Exists(_, operand) | Forall(_, operand):
-                yield from self._below(operand, counts)
+                yield from self._below(operand, counts, mended)
             case And(left, right):
-                yield from self._both(left, right, counts, (False, False))
+                yield from self._both((left, False), (right, False), counts, mended)
             case Or(left, right):
-                yield from self._both(left, right, counts, (True, True))
+                yield from self._both((left, True), (right, True), counts, mended)
             case Implies(left, right):
-                yield from self._both(left, right, counts, (False, True))
+                yield from self._both((left, False), (right, True), counts, mended)
             case _:
                 yield node, counts
 
     def _both(
-        self, left: Formula, right: Formula, counts: tuple[bool, ...], decisive: tuple[bool, bool]
+        self,
+        left: tuple[Formula, bool],
+        right: tuple[Formula, bool],
+        counts: tuple[bool, ...],
+        mended: Instants | None,
     ) -> Iterator[tuple[Formula, tuple[bool, ...]]]:
         """Those of two operands; a side counts where the other does not have the value that decides alone."""
-        by_left, by_right = decisive
-        yield from self._below(left, _where_not(counts, self.row(right), by_right))
-        yield from self._below(right, _where_not(counts, self.row(left), by_left))
+        together = (False,) * len(counts) if mended is None else self._together(left, right, mended)
+        for side, (other, decisive) in ((left, right), (right, left)):
+            alone = zip(self.row(other), together, strict=True)
+            here = tuple(c and (v is not decisive or both) for c, (v, both) in zip(counts, alone, strict=True))
+            yield from self._below(side[0], here, mended)
+
+    def _together(self, left: tuple[Formula, bool], right: tuple[Formula, bool], mended: Instants) -> tuple[bool, ...]:
+        """Where both operands have the value that decides alone, and neither has it in the other formula."""
+        sides = [
+            zip(self.row(node), mended.row(node), (decisive,) * len(self._places), strict=True)
+            for node, decisive in (left, right)
+        ]
+        return tuple(
+            all(value is decisive and other is not decisive for value, other, decisive in both)
+            for both in zip(*sides, strict=True)
+        )
 
     def _fill(self, formula: Formula) -> None:
         instants = {id(node) for node in self.operands()}
@@ -207,10 +230,6 @@ def _since(left: Row, right: Row, *, now: bool) -> Row:
     begun = _ever(right, now=now)
     ended = (p is False and not (now and q is not False) for p, q in zip(left, right, strict=True))
     return tuple(False if end else ever for end, ever in zip(ended, begun, strict=True))
-
-
-def _where_not(counts: tuple[bool, ...], row: Row, value: bool) -> tuple[bool, ...]:
-    return tuple(c and v is not value for c, v in zip(counts, row, strict=True))
 
 
 def _negated(row: Row) -> Row:

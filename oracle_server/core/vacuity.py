@@ -100,8 +100,10 @@ class _Seen:
         """Instants in which nothing was found but atoms that every value meets."""
         foreign: dict[int, Doubt] = {}
         """Atoms that ask for another stream: the last one of each instant, where nothing else is wrong there."""
+        nowhere: list[Occurrence[Atom]] = []
         for occurrence in self.known.occurrences():
             instant = id(occurrence.instant)
+            nowhere += [] if any(occurrence.counts) else [occurrence]
             found = [*misfits(occurrence.part, self.places)] or [*self._lacking(occurrence)]
             (told if any(doubt.claim != "met" for doubt in found) else fitting).update([instant] if found else [])
             yield from found
@@ -109,6 +111,9 @@ class _Seen:
                 for doubt in self._foreign(occurrence):
                     always = followed(occurrence.instant, occurrence.part, self.known, self.places, self.prop.time)
                     foreign[instant] = always or doubt
+        together = [(id(o.instant), doubt) for o in self._together(nowhere, told) for doubt in self._lacking(o)]
+        told |= {instant for instant, _ in together}
+        yield from (doubt for _, doubt in together)
         yield from (doubt for instant, doubt in foreign.items() if instant not in told)
         lacking = set(told)
         told |= foreign.keys()
@@ -155,6 +160,13 @@ class _Seen:
             why = whose(self.places, lacking, keys)
             message = f"`{render_atom(atom)}` never holds at an event of {names_of(lacking, 'or')}: {why}"
             yield Doubt("idle", atom, message, atom.at)
+
+    def _together(self, nowhere: Sequence[Occurrence[Atom]], told: set[int]) -> Iterator[Occurrence[Atom]]:
+        """Atoms that count nowhere alone, where they would together with others that lack their signals as well."""
+        standing = {(id(o.instant), id(o.part)) for o in nowhere if id(o.instant) not in told}
+        if standing:
+            mended = Instants(self.prop.formula, self.places, _mended, self.effort)
+            yield from (o for o in self.known.occurrences(mended) if (id(o.instant), id(o.part)) in standing)
 
     def _foreign(self, occurrence: Occurrence[Atom]) -> Iterator[Doubt]:
         """An atom that holds nowhere where it could decide anything, since it asks for another stream."""
@@ -313,6 +325,11 @@ def _lenient(place: Place, atom: Atom) -> Truth:
     """What is known of an atom where it may be that it was meant for the events of another stream only."""
     value = place.value(atom)
     return None if value is False and not all(c.key in NAMING for c in atom.constraints) else value
+
+
+def _mended(place: Place, atom: Atom) -> Truth:
+    """What is known of an atom where it may be that the signals which it lacks are there."""
+    return None if place.allows(atom) and place.lacks(atom) else place.value(atom)
 
 
 def _guard(operand: Formula, failing: Sequence[Place]) -> Atom:
