@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
-from oracle_server.core.expression import operands, settled, tree
+from oracle_server.core.expression import operands, settled, times, tree
 from oracle_server.core.expression.checkcalls import called
 from oracle_server.core.expression.expression import Expression
 from oracle_server.core.expression.joint import Joint
@@ -138,9 +138,7 @@ class _Checker:
                 mend = f"write `{text}[0]`, `size({text})` or `{text}.exists(x, x == 1)`"
                 self._error(node.start, f"`{text}` is {described(static)}, {wanted}; {mend}")
             case Record(fields=fields):
-                mend = (
-                    f"write one of its fields, such as `{text}.{next(iter(fields))}`" if fields else "it has no fields"
-                )
+                mend = times.single(text, fields) if fields else "it has no fields"
                 self._error(node.start, f"`{text}` is {described(static)}, {wanted}; {mend}")
             case None if isinstance(node, tree.Path) and not node.names:
                 self._error(node.start, f"`msg` is the whole message, {wanted}; write a field, as in msg.data")
@@ -225,6 +223,8 @@ class _Checker:
             if mark == "/":
                 self._divided(left, right, told=i >= whole)
             left = Operand(node, self._text[node.start : part.end], result_of(mark, left.static, right.static))
+        for at, doubt in times.mixed(node, self._text):
+            self._warn(at, doubt)
         return left.static
 
     def _divided(self, left: Operand, right: Operand, *, told: bool) -> None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from oracle_server.core.expression import times
 from oracle_server.core.expression.spans import Span
 from oracle_server.core.expression.static import (
     INFINITE,
@@ -194,5 +195,5 @@ def _single(operand: Operand) -> str:
     if isinstance(operand.static, Many | Elements):
         return f"; write `{operand.text}[0]` for one element, or `size({operand.text})`"
     if isinstance(operand.static, Record) and operand.static.fields:
-        return f"; write one of its fields, such as `{operand.text}.{next(iter(operand.static.fields))}`"
+        return f"; {times.single(operand.text, operand.static.fields)}"
     return ""

@@ -14,11 +14,13 @@ WHOLE, REAL, BOOL, TEXT = (
     Value("text", "string"),
 )
 VECTOR = Record("geometry_msgs/msg/Vector3", {"x": REAL, "y": REAL, "z": REAL})
+TIME = Record("builtin_interfaces/msg/Time", {"sec": WHOLE, "nanosec": Value("whole", "uint32")})
 TWIST = Record("geometry_msgs/msg/Twist", {"linear": VECTOR, "angular": VECTOR})
 SHAPE = Record(
     "my_msgs/msg/All",
     {
         "twist": TWIST,
+        "stamp": TIME,
         "count": WHOLE,
         "total": WHOLE,
         "level": Value("whole", "uint8"),
@@ -57,6 +59,8 @@ def found(text: str, shape: Shape | None = SHAPE) -> list[Problem]:
         "has(msg.mode) && msg.blob == 'AQID' && msg.mode + msg.mode != ''",
         "size(msg.names) > 2 && size(msg.mode) < 3",
         "msg.on == !msg.on",
+        "msg.stamp.sec + msg.stamp.nanosec / 1e9 > 3 && msg.stamp.nanosec + 1 > 5",
+        "msg.stamp.sec * 1000000000 + msg.stamp.nanosec",
         "msg.mode.trim().lower() == 'idle' || msg.mode.upper().startsWith('ERR') || size(msg.mode.lower()) > 3",
         "msg.on ? msg.count > 1 : unknown()",
         "(msg.count / 4) % 2 == 1 && msg.count / 4 % 2 == 1 && (msg.count / 4 / 2) % (msg.total / 3) == 1",
@@ -109,6 +113,8 @@ def test_nothing_is_said_of_what_is_right(text: str) -> None:
         ("msg.count.startsWith('a')", 1, "write `string(msg.count)`"),
         ("msg.speed % 2", 1, "`%` takes whole numbers"),
         ("msg.twist", 1, "a signal is one text, Boolean or number; write one of its fields, such as `msg.tw"),
+        ("msg.stamp", 1, "write its seconds as a number, `msg.stamp.sec + msg.stamp.nanosec / 1e9`"),
+        ("msg.stamp - 3 > 0", 1, "`-` takes numbers; write its seconds as a number, `msg.stamp.sec + msg.stamp.nan"),
         ("msg.ranges", 1, "`msg.ranges` is a list of float32"),
         ("msg.on ? msg.ranges : msg.names", 10, "`msg.ranges` is a list of float32"),
         ("msg.points.filter(p, p.x > 1)", 1, "is a list"),
@@ -132,6 +138,8 @@ def test_what_contradicts_the_type_is_an_error_at_its_place(text: str, column: i
         ("(msg.count + msg.total / 2) % 2 == 1", SHAPE, "write `msg.total / 2.0`"),
         ("msg.count / 0 % 2 == 1", SHAPE, "a division by zero fails"),
         ("1 / 0 == 1", None, "a division by zero fails at every message"),
+        ("msg.stamp.sec + msg.stamp.nanosec", SHAPE, "write `msg.stamp.nanosec / 1e9`"),
+        ("msg.a.secs - double(msg.l[0].nsecs) > 3", None, "write `double(msg.l[0].nsecs) / 1e9`"),
         ("size(msg.blob)", SHAPE, "counts the characters"),
         ("msg.count // 2", None, "`//` begins a comment"),
     ],
