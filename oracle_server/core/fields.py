@@ -12,6 +12,7 @@ from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, nearest
+from oracle_server.core.percents import percents
 from oracle_server.core.plan import can_meet, has_reserved, not_signals, reserved_of
 from oracle_server.core.readings import at, lacking
 from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value, fits
@@ -30,6 +31,7 @@ def inspect_fields(spec: Spec, types: StreamTypes) -> list[SpecProblem]:
         *_stamps(spec, types),
         *_responses(spec, types),
         *_default_signals(spec, types),
+        *percents(spec, types),
     ]
 
 

@@ -219,7 +219,7 @@ def _mend(constraint: Constraint, found: Range) -> str:
     if near is not None:
         return f"; write `{key}{op} {_literal(near)}`"
     if numbers and isinstance(wanted, bool):
-        return f"; write a comparison, as in `{key} > 0`"
+        return f"; write a comparison, as in `{key}{' > 0' if wanted is (constraint.op == '==') else ': 0'}`"
     if numbers and isinstance(wanted, str):
         return f"; {_literal(wanted)} is a text: write the number that it stands for"
     return ""

@@ -136,6 +136,7 @@ def test_a_scan_without_a_return_is_judged_by_the_natural_expressions() -> None:
     ("formula", "told"),
     [
         ("{topic: /b, data}", "`data` of /b is always a number; write a comparison, as in `data > 0`"),
+        ("{topic: /b, data: false}", "`data` of /b is always a number; write a comparison, as in `data: 0`"),
         ("{data: True}", "`data` of /a and /b is always true or false or a number; write `data: true`"),
         ("{topic: /a, data > 1}", "texts and Booleans are neither smaller nor larger than a number"),
     ],
