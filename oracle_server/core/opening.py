@@ -11,6 +11,7 @@ from oracle_server.core.formula.tree import (
     ALL_PAST,
     STEP,
     And,
+    Any,
     Forall,
     Formula,
     Implies,
@@ -66,6 +67,45 @@ def ever(spec: Spec) -> Iterator[SpecProblem]:
                 f"`always {render(Implies(event, asked))}`{coming}"
             )
             yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def ever_before(spec: Spec) -> Iterator[SpecProblem]:
+    """Warnings of `… -> once A` where A is a state: it asks whether it ever was, and so holds for good."""
+    kept = lasting(spec)
+    for i, prop in enumerate(spec.properties):
+        if prop.says != "formula" or prop.external or prop.numeric:
+            continue
+        for state in _once(prop.formula):
+            keys = {c.key for atom in atoms(state) for c in atom.constraints if c.value is not Any.ANY}
+            owner = next((s for s in spec.streams if s.hold & keys), None)
+            if owner is None or not stays(state, kept):
+                continue
+            message = (
+                f"formula of '{prop.id}': `{render(state)}` keeps its value, so that `{render(Once(state))}` holds "
+                f"for good once it held, also where it holds no more; write `{render(state)}` alone for what holds "
+                "then, or, where it may have been long ago, name its stream, as in "
+                f"`once {{{owner.traits.group}: {owner.name}, …}}`"
+            )
+            place = min(atom.at for atom in atoms(state))
+            yield SpecProblem(("properties", i, "formula"), message, place, severity="warning")
+
+
+def _once(formula: Formula) -> Iterator[Formula]:
+    """What an implication asks to have held at any time before, on its right."""
+    match formula:
+        case Forall(_, body):
+            yield from _once(body)
+        case Implies(_, right):
+            yield from _once(right)
+            yield from (part.operand for part in _joined(right) if isinstance(part, Once) and part.bound == ALL_PAST)
+
+
+def _joined(formula: Formula) -> Iterator[Formula]:
+    if isinstance(formula, And):
+        yield from _joined(formula.left)
+        yield from _joined(formula.right)
+    else:
+        yield formula
 
 
 def _asked(formula: Formula, *, scoped: bool) -> Iterator[tuple[Formula, Formula]]:

@@ -398,7 +398,7 @@ def test_alternatives_of_which_one_always_holds_are_told(formula: str, either: s
     "formula",
     [
         '{topic: "/cmd_vel", cmd > 0} -> {stopped: false} and {percent > 20}',
-        '{topic: "/cmd_vel", cmd > 0} -> {stopped: false} and {percent > 20} and once {level > 1}',
+        '{topic: "/cmd_vel", cmd > 0} -> {stopped: false} and {percent > 20} and once {id: a}',
         '{topic: "/cmd_vel", cmd > 0} -> not ({stopped: false} and {percent > 20})',
         '{topic: "/cmd_vel"} and {stopped: false} and {percent > 20} -> {cmd: 0}',
         "{cmd > 0} -> {stopped: false} and {percent > 20}",

@@ -51,6 +51,29 @@ def test_what_a_state_ever_was_is_told_of(pattern: str, mend: str | None) -> Non
     assert all(f"to ask what holds then, write in its place `always {mend}`" in each for each in told)
 
 
+@pytest.mark.parametrize(
+    ("formula", "is_told"),
+    [
+        ("{topic: /cmd, speed > 0} -> once {mode: AUTO}", True),
+        ("forall[i]. {topic: /cmd, id: *i} -> once {topic: /arm, id: *i} and once go", True),
+        ("{topic: /cmd} -> {mode: AUTO}", False),
+        ("{topic: /cmd} -> once {topic: /mode, mode: AUTO}", False),
+        ("{topic: /cmd} -> once[:5] {mode: AUTO}", False),
+        ("{topic: /cmd} -> not once {mode: FAULT}", False),
+        ("{topic: /cmd} -> once {mode: *}", False),
+        ("{topic: /cmd} -> once {arm: yes}", False),
+    ],
+)
+def test_a_state_that_a_formula_asks_to_have_held_once_is_told_of(formula: str, *, is_told: bool) -> None:
+    """An emergency stop that was released once would be released for good."""
+    text = SPEC.replace("pattern: 'PATTERN'", f"formula: '{formula}'").replace(
+        "'once {topic: /arm}'", "'{topic: /arm}'"
+    )
+    found = [w.message for w in parse_spec(text, "s.yaml").warnings if "holds for good" in w.message]
+    assert len(found) == is_told
+    assert all('write `{mode: "AUTO"}` alone' in w and "`once {topic: /mode, …}`" in w for w in found)
+
+
 def test_the_mend_is_sound() -> None:
     pattern = "after /arm until /disarm: always {topic: /cmd} -> {mode: AUTO}"
     found = parse_spec(SPEC.replace("PATTERN", pattern), "s.yaml").warnings
