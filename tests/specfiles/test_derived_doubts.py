@@ -70,6 +70,10 @@ def test_what_hardly_was_meant_is_told(of: str, events: str, says: str) -> None:
     assert found.startswith(f"derived signal 'm': {says}")
 
 
+def test_a_signal_that_is_read_twice_is_told_once() -> None:
+    assert derived("(n - amount) * (n - amount)", "up: '{on}'") == derived("n - amount", "up: '{on}'")
+
+
 @pytest.mark.parametrize(
     "of",
     [

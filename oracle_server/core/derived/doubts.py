@@ -218,7 +218,8 @@ def _may_sample(definition: Definition, place: Place, derived: frozenset[str]) -
 
 def _apart(keys: Sequence[str], where: Sequence[Place]) -> str:
     """Who has signals that no event has together, and how to make them last."""
-    return "; ".join(whose(where, [place for place in where if not place.has(key)], [key]) for key in keys)
+    told = (whose(where, [place for place in where if not place.has(key)], [key]) for key in dict.fromkeys(keys))
+    return "; ".join(told)
 
 
 def _repeated(definition: Definition, formula: Formula, spec: Spec) -> Iterator[tuple[str, Position]]:
