@@ -34,7 +34,7 @@ from oracle_server.core.lingering import lingers
 from oracle_server.core.mingled import mingled
 from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
-from oracle_server.core.opening import at_the_beginning, ever, ever_before
+from oracle_server.core.opening import always_before, at_the_beginning, ever, ever_before
 from oracle_server.core.ros import odd_names, twins_left_open
 from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
@@ -92,6 +92,7 @@ def inspect(
         *at_the_beginning(spec),
         *ever(spec),
         *ever_before(spec),
+        *always_before(spec),
         *unseen_silence(spec),
         *gaps(spec, known),
         *namesakes(spec, known),

@@ -1,4 +1,4 @@
-"""Patterns that say less than is meant: of the beginning of a session alone, or of what a state ever was."""
+"""What says less than is meant: of the beginning of a session alone, or of what a state ever was."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import (
     ALL_PAST,
     STEP,
+    TRUE,
     And,
     Any,
+    Atom,
     Forall,
     Formula,
+    Historically,
     Implies,
     Not,
     Once,
@@ -27,6 +30,7 @@ _NONE_WITHIN = re.compile(
     r"(?:forall\s*\[[^]]*\]\s*\.\s*)*no\b.*\bwithin\b\s*(?P<time>[^)}\]]+)", re.IGNORECASE | re.DOTALL
 )
 _PAIR = re.compile(r"\b(requires|forbids)\b", re.IGNORECASE)
+_HISTORICALLY = re.compile(r"\s*(?:(?:forall|A)\s*\[[^]]*\]\s*\.\s*)*(?:historically|H)\b\s*[^\s(]")
 _SCOPED = re.compile(r"(?:forall\s*\[[^]]*\]\s*\.\s*)*(?:after|until|while)\b", re.IGNORECASE)
 
 
@@ -88,6 +92,34 @@ def ever_before(spec: Spec) -> Iterator[SpecProblem]:
             )
             place = min(atom.at for atom in atoms(state))
             yield SpecProblem(("properties", i, "formula"), message, place, severity="warning")
+
+
+def always_before(spec: Spec) -> Iterator[SpecProblem]:
+    """Warnings of `historically A -> B`, which asks nothing more once A has failed at any step."""
+    for i, prop in enumerate(spec.properties):
+        begins = _HISTORICALLY.match(prop.text) if prop.says == "formula" else None
+        past = _always(prop.formula) if begins is not None and not (prop.external or prop.numeric) else None
+        if past is not None:
+            message = (
+                f"formula of '{prop.id}': `historically` reaches no further than `{render(past.operand, prop.time)}`, "
+                "so that nothing is asked any more once that failed at a step; leave `historically` out, since a "
+                "formula is asked at every step, or write "
+                f"`({render(past, prop.time)}) -> …` where all steps so far are meant"
+            )
+            place = min(atom.at for atom in atoms(past))
+            yield SpecProblem(("properties", i, "formula"), message, place, severity="warning")
+
+
+def _always(formula: Formula) -> Historically | None:
+    """What an implication asks on its left to have held at every step, where that is what it begins with."""
+    while isinstance(formula, Forall):
+        formula = formula.body
+    first = formula.left if isinstance(formula, Implies) else TRUE
+    while isinstance(first, And):
+        first = first.left
+    if isinstance(first, Historically) and first.bound == ALL_PAST and isinstance(first.operand, Atom):
+        return first
+    return None
 
 
 def _once(formula: Formula) -> Iterator[Formula]:
