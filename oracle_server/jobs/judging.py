@@ -40,6 +40,8 @@ _EVERY = 0.5
 """Seconds between two frames that tell how far it has got."""
 _SMALL = 2**16
 """Bytes of a state up to which each of these has it; a larger one comes more seldom: the server reads it at one go."""
+_FURTHER = 3
+"""What else is told at most of a recording that can't be used."""
 _MOST, _LONGEST = 200, 2_000
 """Notes on a recording, and characters of one."""
 _FAILURES = (OracleError, MemoryError, OverflowError, OSError)
@@ -216,7 +218,8 @@ def judge(task: Task, tell: Callable[[object], None]) -> None:
         tell(Failed(_why(task, error), rows.last()))
         return
     if end.unusable:
-        tell(Failed("; ".join(_named(task, end.unusable)), rows.last()))
+        why = (*end.unusable, *end.doubts[:_FURTHER])  # of what could not be read nothing else tells
+        tell(Failed("; ".join(_named(task, why)), rows.last()))
         return
     conclusion = end.as_data() | {"ignored": sum(recording.ignored.values())}
     for texts in ("notes", "doubts", "warnings"):

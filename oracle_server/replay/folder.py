@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, BinaryIO
 
 import yaml
 import zstandard
@@ -16,7 +16,7 @@ import zstandard
 from oracle_server.core.errors import TraceError
 from oracle_server.core.units import counted
 from oracle_server.replay.blocks import ZSTD
-from oracle_server.replay.mcap import is_trace
+from oracle_server.replay.mcap import begins_trace, is_trace
 from oracle_server.replay.mcapfile import MAGIC as MCAP
 from oracle_server.replay.mcapfile import McapFile
 from oracle_server.replay.ros1file import MAGIC as ROS1
@@ -160,12 +160,10 @@ def open_storage(path: Path, stack: ExitStack, times: int = 0) -> Storage:
     if magic == ZSTD:
         if times == _MOST_TIMES:
             raise TraceError(f"{path}: is compressed more than {_MOST_TIMES} times over, which no bag is")
+        _refuse_other(path)
         folder = stack.enter_context(unpacking(path))
         plain = folder / path.name.removesuffix(".zstd")
         damage = _unpack(path, plain)
-        if begins_as(plain) is None or is_trace(plain):
-            what = "is compressed, and holds no file of a bag"
-            raise TraceError(f"{path}: {what}: decompress it (`zstd -d {path.name}`), and judge what comes out")
         try:
             storage = open_storage(plain, stack, times + 1)
         except TraceError as error:
@@ -183,8 +181,27 @@ def open_storage(path: Path, stack: ExitStack, times: int = 0) -> Storage:
 def begins_as(path: Path) -> bytes | None:
     """What a file begins with, of what files of bags begin with. Raises OSError."""
     with path.open("rb") as file:
-        head = file.read(32)
+        return _magic(file.read(32))
+
+
+def _magic(head: bytes) -> bytes | None:
     return next((magic for magic in MAGICS if head.startswith(magic)), None)
+
+
+def _refuse_other(path: Path) -> None:
+    """Raise `TraceError` where a compressed file holds none of a bag; before the disk is filled with what it holds."""
+    try:
+        with path.open("rb") as packed:
+            head = _reader(packed).read(64)
+    except zstandard.ZstdError:  # told where it is decompressed
+        return
+    if head and (_magic(head) is None or begins_trace(head)):
+        what = "is compressed, and holds no file of a bag"
+        raise TraceError(f"{path}: {what}: decompress it (`zstd -d {path.name}`), and judge what comes out")
+
+
+def _reader(packed: BinaryIO) -> zstandard.ZstdDecompressionReader:
+    return zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(packed, read_across_frames=True)
 
 
 def _information(path: Path) -> dict[str, Any]:
@@ -259,8 +276,7 @@ def _unpack(path: Path, plain: Path) -> list[str]:
     """Decompress a file; returns what was wrong with it. Raises `TraceError` where nothing does, and `NoRoomError`."""
     try:
         with path.open("rb") as packed:
-            reader = zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(packed, read_across_frames=True)
-            write(reader, plain, path)
+            write(_reader(packed), plain, path)
         with path.open("rb") as packed:
             size = zstandard.frame_content_size(packed.read(18))
     except zstandard.ZstdError:

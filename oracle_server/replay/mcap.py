@@ -22,7 +22,11 @@ _LINE = b'{"stream":'
 def is_trace(path: Path) -> bool:
     """Whether an MCAP file was written of a session, and not by ROS."""
     with path.open("rb") as file:
-        head = file.read(64)
+        return begins_trace(file.read(64))
+
+
+def begins_trace(head: bytes) -> bool:
+    """Whether such a file begins so."""
     return head[len(MAGIC) + 9 :].startswith(len(PROFILE).to_bytes(4, "little") + PROFILE.encode())
 
 

@@ -103,6 +103,16 @@ def test_what_was_judged_is_told_where_a_stream_can_not_be_used(tmp_path: Path) 
     assert failed.state["counters"]["steps"] == sum(len(frame.steps) for frame in rows) == 39
 
 
+def test_of_a_bag_without_events_what_could_not_be_read_is_told(tmp_path: Path) -> None:
+    """It was said to have none, and no more: they may all be in the part that is cut off."""
+    path, told = tmp_path / "bag.mcap", list[Any]()
+    path.write_bytes(b"\x89MCAP0\r\n\6" + (10**6).to_bytes(8, "little") + bytes(100))
+    judge(Task(bytes(path), path.name, TWO, [], 10**9), told.append)
+    none, further = told[-1].error.split("; bag.mcap: ")
+    assert none == "bag.mcap: has no event at all; two observes /a, /b"
+    assert further.startswith("ends early, in the record at byte 8 of ")
+
+
 def test_what_can_not_be_told_costs_nothing_of_what_was_judged_before(tmp_path: Path) -> None:
     """A row that no frame can hold: those before it are told, and the state does not claim to be that of all rows."""
     path, rows = tmp_path / "log.jsonl", list[Any]()

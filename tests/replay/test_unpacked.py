@@ -187,8 +187,12 @@ def error_where_files_are_small(path: Path, spec: Path, temporary: Path) -> str:
     return str(row["error"])
 
 
-def test_what_is_compressed_and_no_bag_is_told_by_its_own_name(tmp_path: Path) -> None:
+def test_what_is_compressed_and_no_bag_is_told_by_its_own_name(
+    tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By how it begins: unpacked it may be more than the disk takes, and that would be told instead."""
     spec = write_spec(tmp_path, SPEC)
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary / "missing"))
     for name, content in (("z.jsonl.zst", b'{"topic": "/x", "time": 1}\n'), ("bag.tar.zst", bytes(1024))):
         path = tmp_path / name
         path.write_bytes(zstandard.compress(content))
@@ -196,6 +200,7 @@ def test_what_is_compressed_and_no_bag_is_told_by_its_own_name(tmp_path: Path) -
             judge(spec, path)
         what = f"is compressed, and holds no file of a bag: decompress it (`zstd -d {name}`), and judge what comes out"
         assert str(refused.value) == f"{path}: {what}"
+    monkeypatch.undo()
     broken = tmp_path / "broken.db3.zst"
     broken.write_bytes(zstandard.compress(b"SQLite format 3\0" + bytes(100)))
     with pytest.raises(TraceError) as refused:
