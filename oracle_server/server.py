@@ -83,7 +83,7 @@ class ServerError(OracleError):
 
 
 def serve(settings: Settings) -> None:
-    """Run a server until SIGTERM or SIGINT. Raises `OracleError` where it refuses to start."""
+    """Run a server until SIGTERM, SIGINT or SIGHUP. Raises `OracleError` where it refuses to start."""
     os.umask(0o077)  # all that it writes says what robots did
     faulthandler.enable()  # where systemd ends a server that stands still, its journal says where
     with contextlib.ExitStack() as held:
@@ -338,10 +338,11 @@ class _Server(uvicorn.Server):
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Stop on SIGTERM and SIGINT without raising them again, so that a clean stop exits with 0."""
+        """Stop on SIGTERM, SIGINT and SIGHUP without raising them again, so that a clean stop exits with 0."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, self.handle_exit, number, None)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as by `nohup`
+                loop.add_signal_handler(number, self.handle_exit, number, None)
         yield
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:

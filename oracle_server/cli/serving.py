@@ -73,7 +73,7 @@ def serve(
     ] = None,
     **settings: Any,
 ) -> None:
-    """Run the server in the foreground, until SIGTERM or SIGINT."""
+    """Run the server in the foreground, until SIGTERM, SIGINT or SIGHUP."""
     from oracle_server.process.settings import load_settings
     from oracle_server.server import serve as run
 

@@ -41,9 +41,10 @@ def command(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
 
 
 def step_back(nice: int) -> None:
-    """To be called by such a process first: it gives way to the server, and does not end with a terminal's Ctrl-C."""
+    """To be called by such a process first: it gives way to the server, and does not end with its terminal."""
     os.nice(nice)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # which is sent to all: the server ends this
+    for number in (signal.SIGINT, signal.SIGHUP):  # which are sent to all: the server ends this
+        signal.signal(number, signal.SIG_IGN)
 
 
 def send(pipe: IO[bytes], message: object) -> None:

@@ -24,7 +24,9 @@ def test_the_manual_page_is_that_of_the_help() -> None:
     made = subprocess.run([sys.executable, ROOT / "scripts/manual"], check=True, capture_output=True, cwd=ROOT).stdout
     kept = (ROOT / "packaging/oracle-server.1").read_bytes()
     assert len(told(made.decode())) > 15
-    assert told(kept.decode()) == told(made.decode()), "python scripts/manual > packaging/oracle-server.1"
+    how = "python scripts/manual > packaging/oracle-server.1"
+    assert told(kept.decode()) == told(made.decode()), how
+    assert kept.split(b"\n.S", 2)[1] == made.split(b"\n.S", 2)[1], how  # its name, and what it is
 
 
 def test_the_short_form_of_help_is_known() -> None:

@@ -15,7 +15,7 @@ CLAIMED = ["/a", "/b", "/go", "/free"]
 PATIENT = {"ORACLE_RESUME_WITHIN": "3600"}
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 async def test_a_server_that_stops_tells_its_monitors(start: Starts, number: signal.Signals) -> None:
     server = start()
     async with (
