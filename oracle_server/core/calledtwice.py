@@ -1,4 +1,4 @@
-"""Services that a spec observes twice: their calls, and the topic on which they tell of these themselves."""
+"""Streams that a spec observes twice: by two spellings of a name, and services by what they tell of their calls."""
 
 from __future__ import annotations
 
@@ -21,3 +21,15 @@ def called_twice(spec: Spec) -> Iterator[SpecProblem]:
                 f"steps of both, and a bag's are those of the service alone; leave one of the two out"
             )
             yield SpecProblem(("streams", i, "topic"), message, severity="warning")
+
+
+def spelt_twice(spec: Spec) -> Iterator[SpecProblem]:
+    """Warnings about names that differ by the leading slash alone, which robots and recordings do not tell apart."""
+    names = {stream.name for stream in spec.streams}
+    for i, stream in enumerate(spec.streams):
+        if stream.leads and f"/{stream.name}" in names:
+            message = (
+                f"'{stream.name}' and '/{stream.name}' are one name on a robot's graph: adapters refuse to observe it "
+                f"twice, and a recording's events are those of one alone; leave '{stream.name}' out"
+            )
+            yield SpecProblem(("streams", i, stream.traits.group), message, severity="warning")

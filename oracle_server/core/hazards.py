@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from oracle_server.core.actions import action_hazards
 from oracle_server.core.awaited import awaited, waits
-from oracle_server.core.calledtwice import called_twice
+from oracle_server.core.calledtwice import called_twice, spelt_twice
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.derived.checks import derived_problems
@@ -59,6 +59,7 @@ def inspect(
         *odd_names(spec),
         *twins_left_open(spec),
         *called_twice(spec),
+        *spelt_twice(spec),
         *_signals(spec),
         *_expressions(spec),
         *held_elsewhere(spec),
