@@ -9,6 +9,7 @@ import pytest
 from actionlib import msg
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
+from tests.processes import eventually
 from tests.ros1.actionscene import adapter, client, count, ids, last, server, streams, until_asked, watched
 from tests.ros1.judge import judge
 
@@ -64,7 +65,7 @@ def test_a_server_is_told_of_once_it_hears_what_is_passed_on(tmp_path: Path) -> 
 
 
 def test_a_goal_without_a_server_is_rejected(tmp_path: Path) -> None:
-    with watched(tmp_path, streams("goal", ask="goal")) as (scene, _, process):
+    with watched(tmp_path, streams("goal", ask="goal")) as (scene, oracle, process):
         serving, peer = server(scene, last), client(scene)
         serving.close()
 
@@ -79,6 +80,7 @@ def test_a_goal_without_a_server_is_rejected(tmp_path: Path) -> None:
             answer = answered()
         assert answer == (GoalStatus.REJECTED, "/count has no server")
         process.said("/count has no server: goal ")
+        eventually(lambda: oracle.passed(oracle.heard("goal")[-1]), lambda passed: not passed)
         late = scene.peer()
         late.record(GoalStatusArray, "/count_mon/status", speakers=1)
         assert late.heard("/count_mon/status") == []  # what its server said once is not taken for a server

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from functools import partial
 from typing import TYPE_CHECKING, Any, Callable, Deque, Optional
 
 if TYPE_CHECKING:
     from oracle_adapter.decision import Answer
     from oracle_adapter.exchange import Stamp
-    from oracle_adapter.passing import Passing
+    from oracle_adapter.passing import Passing, TakeBack
 
 
 class _Waiting:
@@ -28,12 +29,14 @@ class ForwardQueue:
         passing: Passing,
         forward: Callable[[Any], bool],
         withheld: Optional[Callable[[Any, str], None]] = None,
+        before: Optional[Callable[[Any, TakeBack], object]] = None,
     ) -> None:
         """Call `forward` with each message that may pass, mostly in the link's thread.
 
         It returns whether the message was passed on. `withheld` is called with each that was not,
-        and a text why.
+        and a text why; `before`, before it may pass, with each and what takes it back.
         """
+        self._before = before
         self._passing, self._forward, self._withheld = passing, forward, withheld
         self._waiting: Deque[_Waiting] = deque()
         self._entering, self._leaving = threading.Lock(), threading.Lock()
@@ -60,6 +63,8 @@ class ForwardQueue:
                 if answer is None:
                     break
                 head = self._waiting.popleft()
+                if self._before is not None:
+                    self._before(head.message, partial(self._passing.take_back, answer))
                 passed, why = self._passing.settle(
                     answer, self._forward, head.message, head.call, head.goal_id
                 )

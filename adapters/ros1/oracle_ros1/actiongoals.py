@@ -129,7 +129,11 @@ class Goals:
 
         Nothing is said of one that was sent again under its id while that goes on: servers take no notice of it either.
         """
-        if self._waiting.pop(goal.number, None) is not None and goal.goal_id.id not in self._underway:
+        if self._waiting.pop(goal.number, None) is None:
+            return
+        if goal.take_back is not None and goal.allowed is not None:
+            goal.take_back()
+        if goal.goal_id.id not in self._underway:
             self.end(status(goal.goal_id, code, text))
 
     def _look_for_server(self, now: float) -> None:

@@ -12,7 +12,7 @@ from actionlib_msgs.msg import GoalID, GoalStatusArray
 from oracle_adapter import Stamp, TimeSource
 from oracle_adapter.fields import grouped, not_there
 from oracle_adapter.interfaces import Stream, is_filtered
-from oracle_adapter.passing import Passing
+from oracle_adapter.passing import Passing, TakeBack
 
 from oracle_ros1.codec import CodecError, lacking, reader
 from oracle_ros1.definitions import lookup_installed, ros1_name
@@ -180,6 +180,12 @@ class Goal:
     message: rospy.AnyMsg
     allowed: Optional[float] = None
     """Since when it may go to the server (s)."""
+    take_back: Optional[TakeBack] = None
+    """Reports that it has not passed after all; None where that was not asked about."""
+
+    def may_be_taken_back(self, take_back: TakeBack) -> None:
+        """Note what reports that it has not passed after all."""
+        self.take_back = take_back
 
 
 @dataclass(eq=False)

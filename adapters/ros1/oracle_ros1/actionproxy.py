@@ -67,7 +67,11 @@ class ProxiedAction:
             "result": self._deny_result,
         }
         self._give = give
-        self._queues = {kind: ForwardQueue(passing, give[kind], withheld.get(kind)) for kind, passing in asked.items()}
+        before = {"goal": Goal.may_be_taken_back}
+        self._queues = {
+            kind: ForwardQueue(passing, give[kind], withheld.get(kind), before.get(kind))
+            for kind, passing in asked.items()
+        }
         self._topics.hear(
             {
                 "goal": self._take_goal,
