@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 import httpx
 
-from oracle_server.core.errors import OracleError
+from oracle_server.core.errors import OracleError, one_line
 from oracle_server.core.spec import UNREACHABLE
 
 _WITHIN = 10.0
@@ -26,6 +26,9 @@ _UNIX = "unix://"
 _SCHEMES = ("http://", "https://", "ws://", "wss://", _UNIX)
 _KEYS = {"items", "id", "n"}
 """Of which every document of the API has one: a list, what has a name, and a verdict."""
+_UNSIGNED = re.compile("self.signed|local issuer")
+_NO_TLS = re.compile("WRONG_VERSION_NUMBER|RECORD_LAYER_FAILURE")
+_ITS_NAME = "name the server as its certificate does, or renew that"
 _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
 """Errors after which a stream is reopened where it ended."""
 
@@ -96,9 +99,8 @@ class Client:
         try:
             yield
         except (httpx.HTTPError, httpx.InvalidURL, UnicodeEncodeError) as error:
-            raise ServerUnreachableError(
-                f"{self._shown}: can't be reached ({error}); start it with `oracle-server start`, or set ORACLE_URL"
-            ) from None
+            what = _what_to_do(error, self._url)
+            raise ServerUnreachableError(f"{self._shown}: can't be reached ({error}); {what}") from None
         except (ValueError, LookupError):
             raise ServerUnreachableError(f"{self._shown}: answers, but not as an oracle server") from None
 
@@ -139,6 +141,10 @@ class Client:
         if response.is_error:
             response.read()
             raise ServerUnreachableError(f"{self._shown}: {_detail(response)}")
+        if response.has_redirect_location:  # as a proxy has it: who is sent on may be sent to anybody, with a token
+            to = one_line(response.headers["location"]).partition("?")[0].partition("/api/v1/")[0]
+            what = "which is not followed: name that server by --url or ORACLE_URL, if it is meant"
+            raise ServerUnreachableError(f"{self._shown}: answers {response.status_code} with {to}, {what}")
         if not response.headers.get("content-type", "").startswith(kind):
             raise ValueError
 
@@ -181,6 +187,18 @@ def _detail(response: httpx.Response) -> str:
         return str(response.json()["detail"])
     except (ValueError, LookupError, TypeError):
         return f"answers {response.status_code}, and not as an oracle server"
+
+
+def _what_to_do(error: Exception, url: str) -> str:
+    """What to do about a server that can't be reached, by how that failed."""
+    text = str(error)
+    if "certificate verify failed" in text:
+        return "ORACLE_CA names the file of the authority that signed it" if _UNSIGNED.search(text) else _ITS_NAME
+    if url.lower().startswith("https:") and _NO_TLS.search(text):
+        return "where the server has no TLS, write http://"
+    if url.lower().startswith("http:") and isinstance(error, httpx.RemoteProtocolError | httpx.ReadError):
+        return "where the server has TLS, write https://"
+    return "start it with `oracle-server start`, or set ORACLE_URL"
 
 
 def _tls() -> ssl.SSLContext:

@@ -14,10 +14,18 @@ BODY_WITHIN = 30.0
 """Seconds within which all of it must arrive."""
 _SLOWEST = 2**16
 """Bytes a second that a larger one must arrive with, on average."""
+_NO_FORM = "a form is not read: send the file itself as the body, as `curl --data-binary @FILE` does"
+
+
+def _is_form(scope: Scope) -> bool:
+    """Whether a body is what pages send of several fields: read as the file that is in it, it is judged as garbage."""
+    return any(
+        name == b"content-type" and value.lower().startswith(b"multipart/") for name, value in scope.get("headers", ())
+    )
 
 
 class Bodies:
-    """ASGI middleware that answers 413 to a body that is too large, and 408 to one that takes too long."""
+    """ASGI middleware that answers 413 to a body that is too large, 408 to one that takes too long, 415 to a form."""
 
     def __init__(self, app: ASGIApp, larger: Mapping[str, int] | None = None) -> None:
         """`larger`: the most bytes that the bodies of some paths may have instead."""
@@ -31,9 +39,12 @@ class Bodies:
         most = self._larger.get(scope["path"], MAX_BODY)
         size, over, answered = 0, False, asyncio.Event()
         deadline = asyncio.get_running_loop().time() + BODY_WITHIN
+        form = _is_form(scope)
 
         async def counted() -> Message:
             nonlocal size, over, deadline
+            if form and not answered.is_set():
+                raise HTTPException(415, _NO_FORM)
             if over or answered.is_set():  # all that matters by then is the disconnect, which has no time limit
                 return await receive()
             try:

@@ -10,7 +10,7 @@ from oracle_server.core.spec import Spec
 from oracle_server.replay.line import MAX_LINE, read_line
 from oracle_server.replay.packed import is_packed
 from oracle_server.replay.recording import Recording
-from oracle_server.replay.strangers import is_pointer, what_it_is
+from oracle_server.replay.strangers import what_it_is
 
 _HEAD = 4096
 _OF_SPECS = frozenset({".yaml", ".yml"})
@@ -86,13 +86,13 @@ def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> R
         from oracle_server.replay.mcap import is_trace, read_mcap
 
         return read_mcap(path, spec) if is_trace(path) else Bag(path, spec, types)
-    if is_pointer(head):
-        raise TraceError(f"{path}: {what_it_is(head)}")
+    if head and (what := what_it_is(head)):
+        raise TraceError(f"{path}: {what}")
     if path.suffix == ".jsonl" or head.removeprefix(_MARK).lstrip().startswith(b"{"):
         return read_lines(path, spec)
     if is_packed(head):
         from oracle_server.replay.bags import Bag
 
         return Bag(path, spec, types)
-    what = what_it_is(head) or "is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines"
+    what = "is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines" if head else what_it_is(head)
     raise TraceError(f"{path}: {what}")

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import ssl
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
+import trustme
 
+from oracle_server.cli.client import Client, ServerUnreachableError
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import copy_specs
 from tests.whole.harness import Server, failed, run
@@ -44,14 +49,16 @@ COMMANDS = [
 
 
 @contextmanager
-def another(status: int, body: bytes) -> Iterator[str]:
-    """Another program that answers all in JSON, and its address."""
+def another(status: int, body: bytes, to: str | None = None, tls: ssl.SSLContext | None = None) -> Iterator[str]:
+    """Another program that answers all in JSON, or sends on `to` another address, and its own address."""
 
     class Answer(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(status)
             self.send_header("Content-Type", "application/json")
             self.send_header("Content-Length", str(len(body)))
+            if to is not None:
+                self.send_header("Location", to)
             self.end_headers()
             self.wfile.write(body)
 
@@ -60,7 +67,12 @@ def another(status: int, body: bytes) -> Iterator[str]:
         def log_message(self, *_: object) -> None:
             pass
 
-    with HTTPServer(("127.0.0.1", 0), Answer) as server:
+    class Listener(HTTPServer):
+        def finish_request(self, request: Any, address: Any) -> None:
+            with contextlib.suppress(OSError), tls.wrap_socket(request, True) if tls else request as socket:
+                super().finish_request(socket, address)
+
+    with Listener(("127.0.0.1", 0), Answer) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
@@ -85,3 +97,35 @@ def test_an_address_without_a_scheme_is_told_as_one(url: str) -> None:
     told = failed("sessions", "--url", url)
     assert f"--url or ORACLE_URL: '{url}' is no address of a server; write http://HOST:PORT, as " in told
     assert "oracle-server start" not in told
+
+
+def reading(url: str) -> str:
+    """Why a server can't be read."""
+    with pytest.raises(ServerUnreachableError) as refused:
+        Client(url).get("sessions")
+    return str(refused.value)
+
+
+def test_a_proxy_that_sends_on_is_told_as_one() -> None:
+    """As from http:// to https://: it was said to be no oracle server."""
+    with another(301, b"", "https://robots.example/oracle/api/v1/sessions?secret=1") as url:
+        what = "which is not followed: name that server by --url or ORACLE_URL, if it is meant"
+        assert reading(url) == f"{url}: answers 301 with https://robots.example/oracle, {what}"
+
+
+def test_what_to_do_is_said_of_tls_that_does_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was always to start the server, which runs."""
+    authority, context = trustme.CA(), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    authority.issue_cert("127.0.0.1").configure_cert(context)
+    with another(200, b"{}", tls=context) as url:
+        safe = url.replace("http:", "https:")
+        assert reading(url).endswith("; where the server has TLS, write https://")
+        assert reading(safe).endswith("; ORACLE_CA names the file of the authority that signed it")
+        authority.cert_pem.write_to_path(tmp_path / "ca.pem")
+        monkeypatch.setenv("ORACLE_CA", str(tmp_path / "ca.pem"))
+        assert reading(safe) == f"{safe}: answers, but not as an oracle server"
+        assert reading(safe.replace("127.0.0.1", "localhost")).endswith(
+            "; name the server as its certificate does, or renew that"
+        )
+    with another(200, b"{}") as url:
+        assert reading(url.replace("http:", "https:")).endswith("; where the server has no TLS, write http://")

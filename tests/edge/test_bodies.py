@@ -68,3 +68,20 @@ async def test_a_body_that_does_not_come_ends_no_answer_that_has_begun(monkeypat
     async with asyncio.timeout(PATIENCE):
         await Bodies(app)({"type": "http", "path": "/"}, receive, send)
     assert [message["type"] for message in heard] == ["http.request", "http.request", "http.disconnect"]
+
+
+async def test_a_form_is_refused() -> None:
+    """As `curl -F` sends it: what stands around the file was taken for its first lines."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await receive()
+
+    async def nothing() -> Message:
+        raise AssertionError
+
+    async def send(_: Message) -> None:
+        raise AssertionError
+
+    headers = [(b"content-type", b"multipart/form-data; boundary=x")]
+    with pytest.raises(HTTPException, match="415: a form is not read: send the file itself as the body, as `curl "):
+        await Bodies(app)({"type": "http", "path": "/", "headers": headers}, nothing, send)
