@@ -79,7 +79,7 @@ class Pauses:
         timed = [prop.id for prop in spec.properties if prop.time == "seconds"]
         if timed and self._seen >= _SEVERAL and len(self._times) == 1:
             what = f"all its {self._seen} messages arrived at the same time, {moment(self._last)}: none passes in it"
-            yield Note(f"{what}, and what {', '.join(timed)} asks of time was not judged", doubt=True)
+            yield Note(f"{what}, and what is asked of it was not judged ({', '.join(timed)})", doubt=True)
 
     def _pauses(self) -> tuple[list[_Gap], int]:
         """The pauses, and how long (ns) nothing arrived else."""

@@ -63,8 +63,8 @@ def test_a_bag_in_which_no_time_passes_is_said(at: int, when: str, storage: Stor
     spec = write_spec(tmp_path, SPEC.replace("formula", "time: seconds, formula"))
     bag = write_numbers(tmp_path / "bag", {"/a": [(at, 1.0)] * 20}, storage)
     found = judge(spec, bag)
-    said = f"all its 20 messages arrived at the same time, {when}: none passes in it, and what low asks of time was not"
-    assert (found.exit, found.strict, found.said) == (0, 3, f"{said} judged")
+    said = f"all its 20 messages arrived at the same time, {when}: none passes in it, and what is asked of it was not"
+    assert (found.exit, found.strict, found.said) == (0, 3, f"{said} judged (low)")
 
 
 @pytest.mark.parametrize(("step", "strict"), [(0, 3), (1, 0)])
