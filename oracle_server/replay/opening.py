@@ -10,7 +10,7 @@ from oracle_server.core.spec import Spec
 from oracle_server.replay.line import MAX_LINE, read_line
 from oracle_server.replay.packed import is_packed
 from oracle_server.replay.recording import Recording
-from oracle_server.replay.strangers import what_it_is
+from oracle_server.replay.strangers import instead, what_it_is
 
 _HEAD = 4096
 _OF_SPECS = frozenset({".yaml", ".yml"})
@@ -31,7 +31,8 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
             head = file.read(_HEAD)
         return _by_content(path, head, spec, types)
     except OSError as error:
-        raise NotReadError(f"{path}: can't be read: {error.strerror}") from None
+        why = f"{error.strerror}{'' if path.exists() else instead(path)}"
+        raise NotReadError(f"{path}: can't be read: {why}") from None
 
 
 def refuse_swapped(specs: Sequence[Path], recording: Path) -> None:

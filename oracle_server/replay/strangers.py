@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 _HEAD = 64
@@ -9,6 +10,10 @@ _COMPRESSED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\x04\x22\x4d\x18": "lz4",
 """How files begin that programs other than zstd have made, which compresses those of ROS 2."""
 _POINTER = b"version https://git-lfs.github.com/spec/"
 """How what git has in the place of a large file begins."""
+_ULOG = b"ULog\x01\x12\x35"
+"""How logs of PX4 begin."""
+_ADDRESS = re.compile("[a-z][a-z0-9+.-]+:/", re.IGNORECASE)
+_OF_PATTERNS = frozenset("*?[")
 _NAMED = frozenset({".bag", ".mcap", ".db3", ".zstd"})
 """What the files of bags are called."""
 _UNREAD = frozenset({".gz", ".xz", ".bz2", ".lz4", ".zip"})
@@ -36,8 +41,18 @@ def what_it_is(head: bytes) -> str:
         return "is empty"
     if is_pointer(head):
         return "is a pointer of Git LFS, and not the file that it stands for: get that by `git lfs pull`"
+    if head.startswith(_ULOG):
+        return "is a log of PX4 (ULog), which is not read: make a bag of it first, as by `ulog2rosbag` of pyulog"
     program = next((name for mark, name in _COMPRESSED.items() if head.startswith(mark)), None)
     return f"is compressed by {program}, which is not read: decompress it first" if program else ""
+
+
+def instead(path: Path) -> str:
+    """What to do where there is no file, as the rest of a sentence; empty where its name does not tell."""
+    if _ADDRESS.match(str(path)):
+        return ": it is an address; download the file first"
+    pattern = not _OF_PATTERNS.isdisjoint(str(path))
+    return f": patterns are for many recordings: `replay '{path}' --on SPEC…`" if pattern else ""
 
 
 def why_no_file_of_a_bag(path: Path) -> str:

@@ -25,6 +25,10 @@ STRANGERS = [
     (POINTER, PULL),
     (b"", "is empty"),
     (bytes(3000), "is no file of a bag"),
+    (
+        b"ULog\x01\x125\x01",
+        "is a log of PX4 (ULog), which is not read: make a bag of it first, as by `ulog2rosbag` of pyulog",
+    ),
     (gzip.compress(b"x"), "is compressed by gzip, which is not read: decompress it first"),
 ]
 
@@ -67,7 +71,7 @@ def test_a_folder_of_pointers_is_told_as_one(spec: Path, bag: Path) -> None:
         judge(spec, bag)
 
 
-@pytest.mark.parametrize(("content", "why"), STRANGERS, ids=["pointer", "empty", "zeros", "gzip"])
+@pytest.mark.parametrize(("content", "why"), STRANGERS, ids=["pointer", "empty", "zeros", "ulog", "gzip"])
 def test_a_part_that_is_no_file_of_a_bag_is_not_passed_over_in_silence(
     content: bytes, why: str, spec: Path, bag: Path
 ) -> None:
@@ -103,3 +107,17 @@ def test_a_bag_of_ros_1_beside_others_is_not_passed_over_in_silence(tmp_path: Pa
     assert found.summary["events"] == alone.summary["events"]
     assert (alone.strict, found.strict) == (0, 3)
     assert f"two.bag: {PULL}" in found.said.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("https://example.org/a.bag", ": it is an address; download the file first"),
+        ("nowhere/*.bag", ": patterns are for many recordings: `replay 'nowhere/*.bag' --on SPEC…`"),
+        ("nowhere.bag", ""),
+    ],
+)
+def test_what_is_no_file_is_told_what_to_do(name: str, instead: str, spec: Path) -> None:
+    with pytest.raises(TraceError) as error:
+        judge(spec, Path(name))
+    assert str(error.value) == f"{Path(name)}: can't be read: No such file or directory{instead}"
