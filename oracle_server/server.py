@@ -25,6 +25,7 @@ from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
 from oracle_server.edge.certificates import Certificates
+from oracle_server.edge.crowds import Crowds
 from oracle_server.edge.heads import Heads
 from oracle_server.edge.listening import bracketed, listen, listening_unix
 from oracle_server.edge.origins import Origins
@@ -226,7 +227,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
         inside = app if history.read_only is None else ReadOnly(app, history.read_only)
         access = Access(Bodies(inside, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
-            Origins(Heads(Slashes(access)), _hosts(settings)),
+            Crowds(Origins(Heads(Slashes(access)), _hosts(settings))),
             http=http_transport(door.visitors),
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,
