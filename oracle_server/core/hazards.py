@@ -9,6 +9,7 @@ from dataclasses import replace
 from oracle_server.core.actions import action_hazards
 from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.calledtwice import called_twice, spelt_twice
+from oracle_server.core.copied import asked_twice, read_twice
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.derived.checks import derived_problems
@@ -90,6 +91,8 @@ def inspect(
     return [
         *found,
         *doubtful_derived(spec, known),
+        *asked_twice(spec),
+        *read_twice(spec, known),
         *at_the_beginning(spec),
         *ever(spec),
         *ever_before(spec),
