@@ -15,10 +15,10 @@ from oracle_server.core.events import Projected
 from oracle_server.core.expression import (
     MAX_ROWS,
     MAX_STEPS,
-    WANTED,
     Absent,
     Expression,
     absent_at_an_element,
+    no_signal,
     parse_expression,
     reason,
     told,
@@ -166,7 +166,7 @@ class DefaultProjection:
         """Why each signal failed that did, in a few words."""
         _, failed = self(message)
         found = message if isinstance(message, Mapping) else _NO_FIELDS
-        return {name: f"msg.{name} is {told(found[name])}, {WANTED}" for name in sorted(failed)}
+        return {name: f"msg.{name} is {no_signal(found[name])}" for name in sorted(failed)}
 
 
 def is_signal(value: object) -> bool:

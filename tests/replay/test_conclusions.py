@@ -11,7 +11,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import SpecError
-from oracle_server.core.expression import WANTED
+from oracle_server.core.expression import no_signal
 from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import gravest
 from tests.replay.judging import exit_of, judge, write_numbers, write_spec
@@ -88,7 +88,7 @@ def test_a_property_that_was_always_unknown_is_no_success(tmp_path: Path, capsys
     spec = write_spec(tmp_path, SPEC)
     events = trace(tmp_path, *[("/battery", {"level": "NaN"})] * 3)
     found = judge(spec, events)
-    reason = f"the signal level of /battery failed at 3 of 3 events: msg.level is 'NaN', {WANTED}"
+    reason = f"the signal level of /battery failed at 3 of 3 events: msg.level is {no_signal('NaN')}"
     assert (found.exit, found.strict) == (3, 3)
     assert found.summary["unjudged"] == [{"property": "charged", "reason": reason}]
     assert exit_of(spec, events) == 3
@@ -188,11 +188,11 @@ def test_signals_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     summary = judge(spec, events).summary
     assert summary["streams"]["/battery"] == {
         "events": 4,
-        "signals": {"level": {"present": 2, "absent": 1, "failed": 1, "reason": f"msg.level is 'NaN', {WANTED}"}},
+        "signals": {"level": {"present": 2, "absent": 1, "failed": 1, "reason": f"msg.level is {no_signal('NaN')}"}},
     }
     run_replay([spec], events, None, "text")
     short = capsys.readouterr().out
-    assert f"/battery: the signal level failed at 1 of 4 events: msg.level is 'NaN', {WANTED}" in short
+    assert f"/battery: the signal level failed at 1 of 4 events: msg.level is {no_signal('NaN')}" in short
     assert "present" not in short
     run_replay([spec], events, None, "text", signals=True)
     assert "present" in capsys.readouterr().out

@@ -16,7 +16,7 @@ from oracle_server.core.expression.expression import Expression, FieldPath, pars
 from oracle_server.core.expression.idle import idle
 from oracle_server.core.expression.parse import KEYWORDS
 from oracle_server.core.expression.patterns import MAX_PATTERNS
-from oracle_server.core.expression.reasons import WANTED, absent_at_an_element, reason, told
+from oracle_server.core.expression.reasons import absent_at_an_element, no_signal, reason, told
 from oracle_server.core.expression.results import certain, is_always_there, results
 from oracle_server.core.expression.spans import Span
 from oracle_server.core.expression.static import no_field
@@ -28,7 +28,6 @@ __all__ = [
     "MAX_PATTERNS",
     "MAX_ROWS",
     "MAX_STEPS",
-    "WANTED",
     "Absent",
     "Expression",
     "Failed",
@@ -43,6 +42,7 @@ __all__ = [
     "idle",
     "is_always_there",
     "no_field",
+    "no_signal",
     "parse_expression",
     "read",
     "reason",

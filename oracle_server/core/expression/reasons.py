@@ -10,7 +10,6 @@ from oracle_server.core.expression.expression import Expression
 from oracle_server.core.expression.stops import Absent, Exhausted, Failed
 from oracle_server.core.expression.tree import Node
 
-WANTED = "and a signal is a text, a Boolean or a finite number"
 _LONGEST = 40
 _LARGE = 10**30
 
@@ -28,7 +27,7 @@ def reason(expression: Expression, message: Mapping[str, Any], steps: int, row: 
         return f"{_found(expression.text, node, failed)}: {failed.why}"
     except Exception:  # noqa: BLE001 as where the signal is computed
         return "can't be computed, by a fault of the server's"
-    return f"{_short(expression.text)} is {told(value)}, {WANTED}"
+    return f"{_short(expression.text)} is {no_signal(value)}"
 
 
 def absent_at_an_element(expression: Expression, message: Mapping[str, Any], steps: int) -> str | None:
@@ -44,6 +43,13 @@ def absent_at_an_element(expression: Expression, message: Mapping[str, Any], ste
         if any(body.start <= node.start and node.end <= body.end for body in bodies):
             return f"{_snippet(expression.text, node)} is absent at an element"
     return None
+
+
+def no_signal(value: Any) -> str:
+    """What a value is that can't be a signal, and why."""
+    if isinstance(value, int):
+        return f"{told(value)}, and a whole number has at most 64 bits as a signal"
+    return f"{told(value)}, and a signal is a text, a Boolean or a finite number"
 
 
 def told(value: Any) -> str:

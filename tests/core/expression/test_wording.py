@@ -113,7 +113,7 @@ NO_ELEMENT = (
     "an index takes a list and a whole number; "
     "uint8[] arrives as a text in base64, of which all is compared, as in msg.data == 'AQID'"
 )
-MESSAGE = {"n": 7, "zero": 0, "s": "NaN", "l": [1, 2], "m": {"k": 1}, "b": True, "none": None}
+MESSAGE = {"n": 7, "zero": 0, "s": "NaN", "l": [1, 2], "m": {"k": 1}, "b": True, "none": None, "large": 2**64}
 
 
 @pytest.mark.parametrize(
@@ -139,6 +139,7 @@ MESSAGE = {"n": 7, "zero": 0, "s": "NaN", "l": [1, 2], "m": {"k": 1}, "b": True,
         ("msg.s", "msg.s is 'NaN', and a signal is a text, a Boolean or a finite number"),
         ("msg.l", "msg.l is a list of 2, and a signal is a text, a Boolean or a finite number"),
         ("msg.m", "msg.m is a message, and a signal is a text, a Boolean or a finite number"),
+        ("msg.large", f"msg.large is {2**64}, and a whole number has at most 64 bits as a signal"),
         ("msg.n / 0.0", "msg.n / 0.0 is inf, and a signal is a text, a Boolean or a finite number"),
     ],
 )
