@@ -13,6 +13,8 @@ from oracle_server.replay.storage import Storage
 
 _MOST = 5
 """Damages of one file that are told one by one."""
+_SEVERAL = 20
+"""So many messages are not all of before a recorder has heard the clock of a simulation."""
 
 
 def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage]) -> list[Note]:
@@ -28,6 +30,14 @@ def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage])
     for topic in topics:
         found += _of_topic(topic)
     return found
+
+
+def of_times(topics: Iterable[Topic]) -> Iterator[Note]:
+    """What is to be said of topics without any time of recording, in a bag where others have some."""
+    for topic in topics:
+        if topic.role is not None and topic.seen >= _SEVERAL and not topic.timed:
+            what = f"its {topic.seen} messages have the time of recording 0, which is none"
+            yield Note(f"{topic.name}: {what}, and stand at the beginning", doubt=True)
 
 
 def of_channels(topic: Topic) -> Iterator[Note]:

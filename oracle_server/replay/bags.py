@@ -15,7 +15,7 @@ from oracle_server.core.spec import Spec
 from oracle_server.process.openfiles import allow
 from oracle_server.replay.actionroles import add_actions
 from oracle_server.replay.actions import Action, ActionSource
-from oracle_server.replay.bagnotes import notes_of, of_channels
+from oracle_server.replay.bagnotes import notes_of, of_channels, of_times
 from oracle_server.replay.folder import Files, files_of, open_storage
 from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
@@ -80,6 +80,7 @@ class Bag:
                 yield from self._events(storages, sources)
                 self.until = _newest(storages)
                 self.notes += [*notes_of(self._topics.values(), files, storages), *self._published.notes()]
+                self.notes += of_times(self._topics.values()) if self.since else ()
                 self.notes += notes_of_span(self.since, self.until)
                 self.notes += self._pauses.standing(self._plan.spec)
                 self.notes += (Note(text, doubt=True) for text in self._pauses.told(partial(_heard, storages)))
@@ -202,6 +203,7 @@ class Bag:
             self.read += 1
             time = recorded or self.since  # it is none: recorders in a simulation write it until they hear its clock
             self._pauses.look(time)
+            source.topic.timed += recorded > 0
             try:
                 items = self._items(source, time, raw, told)
             except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages

@@ -56,7 +56,8 @@ class Topic:
     """What is known of a topic over all files of a bag.
 
     `role` is None for a topic on which only what passed `gives` is. Of the `promised` messages `seen` ones were
-    read, of which `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content, and
+    read, of which `timed` have a time of recording, and
+    `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content, and
     `refused` is why those of a channel can't be read at all, empty where they can;
     `timeless` ones no publication time where it should be, the first for the reason `why_timeless`. Its messages
     should be of the type that is `wanted`, empty for any; `types` are those that they have, with how many as far as
@@ -72,6 +73,7 @@ class Topic:
     calls: Calls | None = None
     promised: int = 0
     seen: int = 0
+    timed: int = 0
     unreadable: int = 0
     why: str = ""
     type: str = ""

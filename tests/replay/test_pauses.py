@@ -73,3 +73,13 @@ def test_time_passes_in_a_log_by_its_stamps(step: int, strict: int, tmp_path: Pa
     lines = [{"stream": "/a", "kind": "topic", "stamp": BASE - n * step, "arrived": BASE} for n in range(20, 0, -1)]
     path.write_text("".join(json.dumps({**line, "data": {"data": 1}}) + "\n" for line in lines))
     assert judge(write_spec(tmp_path, SPEC.replace("formula", "time: seconds, formula")), path).strict == strict
+
+
+@pytest.mark.parametrize(("last", "said"), [(0, True), (BASE // MS, False)])
+def test_a_topic_without_any_time_beside_others_that_have_some_is_said(last: int, said: bool, tmp_path: Path) -> None:
+    """What was recorded at 0 stands at the beginning: of whatever was said within 1 s nothing is there."""
+    zeros = [(at - BASE // MS, 1.0) for at in [0] * 19 + [last]]
+    topics = {"/a": zeros, "/b": [(at, 1.0) for at in range(5)]}
+    found = judge(write_spec(tmp_path, SPEC), write_numbers(tmp_path / "bag", topics, StoragePlugin.MCAP))
+    what = "/a: its 20 messages have the time of recording 0, which is none, and stand at the beginning"
+    assert (found.strict, found.said) == ((3, what) if said else (0, ""))
