@@ -98,6 +98,9 @@ def test_a_sentence_stands_for_a_formula(line: str, time: str, formula: str) -> 
          "far: `no`"),
         ("pattern: 'afer /goal: no /status'", "15: pattern of 'p': a scope is `globally`, `after E`, `until E`, "
          "`after E until E` or `while φ`, and ends with `:`; `afer` is none; did you mean `after`?"),
+        ("pattern: '/goal causes not low'", "28: pattern of 'p': an event is a stream, as `/cmd_vel` or `/cmd_vel "
+         "{speed > 1}`, an atom, a name of `define:`, or what stands in parentheses, as `(… or …)` and `(not "
+         "{armed})`; `not` is none"),
         ("pattern: |\n      after /goal:\n      no {x >}", "14: pattern of 'p': "),
         ("pattern: 'no /led'", "18: pattern of 'p': which event is meant? a service has requests and responses: write "
          "`/led {kind: request}`; understood so far: `no`"),

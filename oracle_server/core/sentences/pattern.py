@@ -21,7 +21,10 @@ SCOPES = ("globally", "after", "until", "while")
 VERBS = ("causes", "requires", "forbids")
 LEADS = ("no", "some", "always")
 _BODY = "a pattern says `no E`, `some E`, `always …`, or `E causes E`, `E requires E`, `E forbids E`"
-_EVENT = "an event is a stream, as `/cmd_vel` or `/cmd_vel {speed > 1}`, an atom, a name of `define:`, or `(… or …)`"
+_EVENT = (
+    "an event is a stream, as `/cmd_vel` or `/cmd_vel {speed > 1}`, an atom, a name of `define:`, or what stands in "
+    "parentheses, as `(… or …)` and `(not {armed})`"
+)
 
 
 def read_pattern(text: str, names: Names, streams: Mapping[str, str], time: Time | None, name: str = "p") -> Meant:
