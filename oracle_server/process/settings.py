@@ -38,6 +38,15 @@ def _data_dir() -> Path:
         ) from None
 
 
+def _bound(value: str) -> str:
+    host = value.strip()
+    if host.startswith("[") and host.endswith("]"):  # as URLs have it
+        host = host[1:-1]
+    if not host or host.count(":") == 1 or set(host) & set("/[]"):
+        raise ValueError(f"'{value}': write a name or an address alone, as 127.0.0.1 or ::1; the port is ORACLE_PORT")
+    return host
+
+
 def _history(value: str) -> str:
     if value not in ("sqlite", "memory") and not value.startswith(POSTGRES):
         raise ValueError("write sqlite, memory, or postgresql://USER@HOST/DATABASE")
@@ -62,7 +71,7 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, extra="ignore", frozen=True)
 
-    host: str = "127.0.0.1"
+    host: Annotated[str, AfterValidator(_bound)] = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8642
     data_dir: Path = Field(default_factory=_data_dir)
     specs: Path | None = None

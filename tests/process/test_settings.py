@@ -43,6 +43,16 @@ def test_what_is_wrong_is_told_by_the_name_it_was_given_by(monkeypatch: pytest.M
         load_settings(data_dir=tmp_path, forward="mysql://centre")
 
 
+def test_a_host_is_a_name_or_an_address_alone() -> None:
+    """Of `[::1]` it was said that others could reach the server there, and that tokens and TLS were missing."""
+    assert [load_settings(host=host).host for host in ("[::1]", "::", "localhost ")] == ["::1", "::", "localhost"]
+    for host in ("http://0.0.0.0", "127.0.0.1:8642", "[::1]:8642", ""):
+        with pytest.raises(
+            SettingsError, match=r"^--host: .* write a name or an address alone, as 127\.0\.0\.1 or ::1"
+        ):
+            load_settings(host=host)
+
+
 def test_what_kubernetes_puts_in_a_settings_place_is_told_as_its_doing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ORACLE_PORT", "tcp://10.0.0.1:8642")
     with pytest.raises(SettingsError, match=r"^ORACLE_PORT: .*Kubernetes .* a Service that is called oracle"):
