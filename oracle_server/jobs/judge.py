@@ -12,7 +12,7 @@ import msgspec
 from oracle_server.core.errors import OracleError
 from oracle_server.jobs import judging
 from oracle_server.jobs.frames import Frame, Progress, Task
-from oracle_server.process.worker import command
+from oracle_server.process.worker import command, unstarted
 
 SILENT = 60.0
 """Seconds without a frame after which the process is taken for dead: it tells twice a second how far it has got."""
@@ -37,7 +37,10 @@ class Judge:
     async def frames(self) -> AsyncGenerator[Frame, None]:
         """What it tells. The process ends with this, at the latest. Raises `JudgeError` where it stands still."""
         line, env = command(judging.__name__)
-        process = await asyncio.create_subprocess_exec(*line, stdin=PIPE, stdout=PIPE, env=env)
+        try:
+            process = await asyncio.create_subprocess_exec(*line, stdin=PIPE, stdout=PIPE, env=env)
+        except OSError as error:
+            raise JudgeError(unstarted(error)) from None
         assert process.stdin is not None  # noqa: S101 -- as it was started so
         assert process.stdout is not None  # noqa: S101
         loop = asyncio.get_running_loop()

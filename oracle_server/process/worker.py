@@ -40,6 +40,11 @@ def command(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
     return [sys.executable, "-P", "-m", module, *arguments], env
 
 
+def unstarted(error: OSError) -> str:
+    """What is said where the system starts no process, as of a container that may have no more."""
+    return f"the system starts no process for it: {error.strerror or error}"
+
+
 def step_back(nice: int) -> None:
     """To be called by such a process first: it gives way to the server, and does not end with its terminal."""
     os.nice(nice)
@@ -122,4 +127,7 @@ class Worker:
         if self._closed:
             raise WorkerError("the server stops")
         line, env = command(self._module, *self._arguments)
-        return subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=env)  # noqa: S603
+        try:
+            return subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=env)  # noqa: S603
+        except OSError as error:
+            raise WorkerError(unstarted(error)) from None
