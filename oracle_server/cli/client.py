@@ -198,6 +198,8 @@ def _what_to_do(error: Exception, url: str) -> str:
         return "where the server has no TLS, write http://"
     if url.lower().startswith("http:") and isinstance(error, httpx.RemoteProtocolError | httpx.ReadError):
         return "where the server has TLS, write https://"
+    if isinstance(error, httpx.ReadTimeout):
+        return "it is busy, or stands still: try again, or look at its log"
     return "start it with `oracle-server start`, or set ORACLE_URL"
 
 

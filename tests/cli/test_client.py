@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import socket
 import ssl
 import threading
 from collections.abc import Iterator
@@ -69,8 +70,8 @@ def another(status: int, body: bytes, to: str | None = None, tls: ssl.SSLContext
 
     class Listener(HTTPServer):
         def finish_request(self, request: Any, address: Any) -> None:
-            with contextlib.suppress(OSError), tls.wrap_socket(request, True) if tls else request as socket:
-                super().finish_request(socket, address)
+            with contextlib.suppress(OSError), tls.wrap_socket(request, True) if tls else request as connection:
+                super().finish_request(connection, address)
 
     with Listener(("127.0.0.1", 0), Answer) as server:
         thread = threading.Thread(target=server.serve_forever)
@@ -129,3 +130,9 @@ def test_what_to_do_is_said_of_tls_that_does_not_fit(tmp_path: Path, monkeypatch
         )
     with another(200, b"{}") as url:
         assert reading(url.replace("http:", "https:")).endswith("; where the server has no TLS, write http://")
+
+
+def test_a_server_that_stands_still_is_not_to_be_started() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(ServerUnreachableError) as refused:
+        Client(f"http://127.0.0.1:{silent.getsockname()[1]}").get("sessions", within=0.1)
+    assert str(refused.value).endswith("; it is busy, or stands still: try again, or look at its log")
