@@ -185,7 +185,7 @@ async def test_a_recordings_time_is_not_the_servers(start: Starts, tmp_path: Pat
     ("content", "told"),
     [
         (b"", "log.jsonl: has no event at all"),
-        (b"PK\x03\x04 no recording", "log.jsonl:1: "),
+        (b"PK\x03\x04 no recording", "log.jsonl: is compressed by zip"),
         (
             b'{"stream": "/other", "stamp": 1, "data": {}}\n',
             "has no event of single, which observes /a; it has /other",
