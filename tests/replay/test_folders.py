@@ -386,20 +386,3 @@ def test_a_file_is_named_with_its_folder_on_windows(bag: Path, spec: Path) -> No
     change(bag, r"(relative_file_paths:\n *- )(.*)\n", r"\1bag\\\2\n")
     found = judge(spec, bag)
     assert (found.summary["events"], found.exit, found.strict, found.said) == (20, 0, 0, "")
-
-
-@pytest.mark.parametrize("described", [True, False])
-def test_one_of_several_files_of_a_bag_is_said_to_be_no_more(described: bool, bag: Path, spec: Path) -> None:
-    """What the others have was not heard: of what was `once` there is nothing to be known."""
-    (part,) = (path for path in bag.iterdir() if path.name != "metadata.yaml")
-    first, second = (part.with_name(f"bag_{at}{part.suffix}") for at in (0, 1))
-    part.rename(first)
-    shutil.copy(first, second)
-    document = yaml.safe_load((bag / "metadata.yaml").read_text())
-    document["rosbag2_bagfile_information"]["relative_file_paths"] = [first.name, second.name]
-    (bag / "metadata.yaml").write_text(yaml.safe_dump(document))
-    if not described:
-        (bag / "metadata.yaml").unlink()
-    found = judge(spec, second)
-    said = f"{second.name}: is one of the 2 files of a bag, and the others were not judged: name its folder, {bag}"
-    assert (found.exit, found.strict, found.said) == (0, 3, said)
