@@ -78,9 +78,7 @@ def router(registry: Registry, history: History) -> Routes:
         except TimeoutError:
             raise HTTPException(503, "the history can't be written; the session is open, but not stored yet") from None
         session.keeping.check()
-        answer = await json_answer(request, history, await state_of(registry, session.id))
-        answer.status_code = 201
-        return answer
+        return await _written(registry, session.id, 201)
 
     @routes.get("/sessions/{session_id}", response_model=dict[str, Any])
     @needs("read")
@@ -103,9 +101,15 @@ def router(registry: Registry, history: History) -> Routes:
             raise HTTPException(409 if isinstance(error, OtherServerError) else 500, str(error)) from None
         if not closed:
             raise HTTPException(503, "the history can't be written; the session is closed as soon as it can be")
-        return await json_answer(request, history, await state_of(registry, session_id))
+        return await _written(registry, session_id, 200)
 
     return routes
+
+
+async def _written(registry: Registry, session_id: str, status: int) -> Response:
+    """The state of a session that was opened or closed; who does so waits for nobody that reads."""
+    content = await asyncio.to_thread(encode_bytes, await state_of(registry, session_id))
+    return Response(content, status, media_type="application/json")
 
 
 def _listed(states: list[dict[str, Any]], short: bool) -> bytes:

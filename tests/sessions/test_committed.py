@@ -44,7 +44,7 @@ def judged(name: str, folder: Path, count: int) -> tuple[str, list[Any]]:
 async def test_it_stands_as_it_was_judged(
     page: int, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "_PAGES", [page] * 100)
+    monkeypatch.setattr(module, "_PAGE", page)
     text, told = await asyncio.to_thread(judged, name, tmp_path, 41)
     spec = parse_spec(text, "spec").spec
     (started,) = [frame for frame in told if isinstance(frame, Started)]
