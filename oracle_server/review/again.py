@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import Engine
@@ -21,6 +21,8 @@ from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredS
 from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
+_PLANS = 4
+"""Specs that are kept as they were read: who looks into a session asks of one verdict after another."""
 GONE = "what came before it is not kept any more, so that it can't be judged again"
 
 
@@ -92,8 +94,13 @@ async def judge_in_thread(history: Reading, again: Again, page: Sequence[StoredS
 
 
 def plan_of(opened: SessionRecord) -> Plan:
-    """The plan by which a session is judged."""
-    return judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
+    """The plan by which a session is judged; that of a spec of which others were asked just now is there already."""
+    return judged_by(_planned(opened.text, opened.id), opened.by)
+
+
+@lru_cache(maxsize=_PLANS)
+def _planned(text: str, name: str) -> Plan:
+    return plan(parse_spec(text, name, bounded=False).spec)
 
 
 class Recorded:

@@ -18,6 +18,7 @@ from oracle_server.core.verdicts import explained
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import SessionRecord, stored
 from oracle_server.review import explanation
+from oracle_server.review.again import plan_of
 from tests.core.everything.cases import case
 from tests.core.everything.running import Run
 from tests.engines.test_against_brute import SEED
@@ -55,3 +56,11 @@ async def test_a_violation_is_explained_later_as_it_was_at_once(monkeypatch: pyt
                 assert record == expected, f"case {number}, verdict {n}"
                 asked += 1
     assert asked
+
+
+def test_a_spec_is_read_once_for_all_that_is_asked_of_a_session() -> None:
+    text = "id: s\nstreams: [{topic: /a, signals: {v: msg.v}}]\nproperties: [{id: p, formula: '{v > 1}'}]\n"
+    record = SessionRecord(1, "read once", "s", text, "", ("p",), False, 0)
+    assert plan_of(record) is plan_of(record)
+    assert plan_of(record._replace(by="arrival")).spec.ordering.by == "arrival"
+    assert plan_of(record).spec.ordering.by == "publication"
