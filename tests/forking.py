@@ -20,6 +20,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -188,6 +189,7 @@ def _become(request: Request) -> Request:
     os.environ.clear()
     os.environ.update(request.environment)
     os.chdir(request.folder)
+    tempfile.tempdir = None  # it was found by the environment of the first
     sys.argv = [request.module or "oracle-server", *request.arguments]
     if request.module:
         sys.path.insert(0, request.folder)  # as `python -m` does

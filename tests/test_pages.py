@@ -94,12 +94,12 @@ PAGES = {
     "docs/recordings.md": Page(
         {
             "oracle-server replay 'bags": (
-                f"mkdir -p specs bags/monday more && cp {ROOT}/specs/battery_uav.yaml specs",
+                f"mkdir -p specs bags/2026-11-30 more && cp {ROOT}/specs/battery_uav.yaml specs",
                 f"cp -rL {ROOT}/examples .",
                 BEGUN[1],
                 FLOWN.replace("fault_wrong_status", "in_order"),
                 "oracle-server verdicts flight1",
-                "oracle-server record flight1 -o bags/monday/flight1.mcap",
+                "oracle-server record flight1 -o bags/2026-11-30/flight1.mcap",
                 "cp examples/battery_uav/traces/in_order.jsonl more",
             ),
             "oracle-server replay specs/battery_uav.yaml flight": ("cp more/in_order.jsonl flight.jsonl",),
