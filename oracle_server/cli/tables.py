@@ -52,7 +52,7 @@ def show_sessions(client: Client, origin: str | None = None, *, as_json: bool) -
             sys.stdout.write(f"of closed sessions these are the last {LISTED:,}; `verdicts SESSION` tells of any\n")
         for state in document["items"]:
             _show_caveats(state | {"doubts": _first_of(state.get("doubts", ()))}, f"{state['id']}: ")
-            _show_remarks({"remarks": [idle(state)] if idle(state) else []}, f"{state['id']}: ")
+            _show_remarks({"remarks": [text] if (text := idle(state)) else []}, f"{state['id']}: ")
 
 
 def show_closed(client: Client, session: str, *, as_json: bool) -> None:

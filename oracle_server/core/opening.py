@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.conditions import spine
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import (
     ALL_PAST,
@@ -114,9 +115,7 @@ def _always(formula: Formula) -> Historically | None:
     """What an implication asks on its left to have held at every step, where that is what it begins with."""
     while isinstance(formula, Forall):
         formula = formula.body
-    first = formula.left if isinstance(formula, Implies) else TRUE
-    while isinstance(first, And):
-        first = first.left
+    first = next(spine(formula.left if isinstance(formula, Implies) else TRUE))
     if isinstance(first, Historically) and first.bound == ALL_PAST and isinstance(first.operand, Atom):
         return first
     return None
@@ -129,15 +128,7 @@ def _once(formula: Formula) -> Iterator[Formula]:
             yield from _once(body)
         case Implies(_, right):
             yield from _once(right)
-            yield from (part.operand for part in _joined(right) if isinstance(part, Once) and part.bound == ALL_PAST)
-
-
-def _joined(formula: Formula) -> Iterator[Formula]:
-    if isinstance(formula, And):
-        yield from _joined(formula.left)
-        yield from _joined(formula.right)
-    else:
-        yield formula
+            yield from (part.operand for part in spine(right) if isinstance(part, Once) and part.bound == ALL_PAST)
 
 
 def _asked(formula: Formula, *, scoped: bool) -> Iterator[tuple[Formula, Formula]]:
