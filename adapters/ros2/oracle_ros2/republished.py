@@ -139,7 +139,9 @@ class MatchedPublisher:
     def _part_with(self, sources: Sequence[str]) -> None:
         """Set aside what those have kept that are not there any more: they may have been out of reach only."""
         for one in [one for one in self._users if not _are_among(one, sources)]:
-            self._left[one] = list(self._kept.get(self._users.pop(one), ()))
+            kept = self._kept.get(self._users.pop(one))
+            if kept:
+                self._left[one] = list(kept)
         while self._left and sum(_size(message) for left in self._left.values() for message in left) > ROOM:
             del self._left[next(iter(self._left))]
 
