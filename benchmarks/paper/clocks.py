@@ -146,7 +146,7 @@ class Simulation:
         for key in self._streams:
             known = now if key.kind != "topic" else self._reached(key, now) if paid else None
             if known is not None:
-                self._leave(self._buffer.clock(("uav1", key), known), now)
+                self._leave(self._buffer.clock((("uav1", key), known)), now)
 
     def _reached(self, key: StreamKey, now: int) -> int | None:
         """What the clock of a topic says, None where it waits."""

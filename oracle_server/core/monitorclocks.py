@@ -17,7 +17,7 @@ class MonitorClocks:
 
     def __init__(self, streams: Mapping[StreamKey, StreamSpec], max_skew: int) -> None:
         """`streams` are those that clocks may tell of; times of different monitors may differ by `max_skew` (ns)."""
-        self._streams, self._max_skew = streams, max_skew
+        self._held_back, self._max_skew = {key: stream.held_back for key, stream in streams.items()}, max_skew
         self._told: dict[str, dict[StreamKey, int]] = {}
         self._telling: set[str] = set()
         self._ahead: dict[str, int] = {}
@@ -71,4 +71,4 @@ class MonitorClocks:
 
     def _newest(self, readings: Sequence[ClockReading]) -> int:
         """The time of a clock (ns) that has told these."""
-        return max(r.stamp + self._streams[r.stream].held_back for r in readings)
+        return max([r.stamp + self._held_back[r.stream] for r in readings])

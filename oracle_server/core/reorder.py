@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 import sys
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Generic, TypeVar
 
@@ -163,7 +163,7 @@ class ReorderBuffer(Generic[T]):
         if known is None or stamp > known:
             before = frontier.reached if opened else stamp  # nothing has waited for one that was not open
             self._frontiers.observe(frontier, publisher, stamp)
-            self._moved(source, before, new=known is None)
+            self._moved([(source, before)], new=known is None)
         if self.present is not None and stamp < self.present:
             return [Released(item, self._why(stamp), late=True), *self._release()]
         if not self._heap and (limit := self._frontiers.limit) is not None and stamp <= limit:
@@ -190,14 +190,20 @@ class ReorderBuffer(Generic[T]):
             released += self._release()
         return released
 
-    def clock(self, source: Source, stamp: int) -> list[Released[T]]:
-        """Record that nothing older than `stamp` will come from an open stream."""
-        frontier = self._frontiers.get(source)
-        if frontier is None or (frontier.clock is not None and stamp <= frontier.clock):
+    def clock(self, *told: tuple[Source, int]) -> list[Released[T]]:
+        """Record that nothing older than a stamp will come from each of these streams, as far as they are open.
+
+        They are told at once: an event that waited for several of them has waited for all of these.
+        """
+        before = []
+        for source, stamp in told:
+            frontier = self._frontiers.get(source)
+            if frontier is not None and (frontier.clock is None or stamp > frontier.clock):
+                before.append((source, frontier.reached))
+                frontier.advance(stamp)
+        if not before:
             return []
-        before = frontier.reached
-        frontier.advance(stamp)
-        self._moved(source, before)
+        self._moved(before)
         return self._release()
 
     def advance(self, now: int) -> list[Released[T]]:
@@ -256,9 +262,10 @@ class ReorderBuffer(Generic[T]):
             return sys.maxsize
         return -1 if self._frontiers.limit is None else self._frontiers.limit
 
-    def _moved(self, source: Source, before: int | None, *, new: bool = False) -> None:
+    def _moved(self, before: Sequence[tuple[Source, int | None]], *, new: bool = False) -> None:
         """A frontier rises unless a new publisher lowers it, so that the least one changes only where it moved."""
-        if new or source == self._frontiers.slowest:
+        slowest = self._frontiers.slowest
+        if new or any(source == slowest for source, _ in before):
             self._frontiers.find()
             if self._heap or self._waits:
-                self._waits.over([(source, before)], self._reach, self._arrivals, held=bool(self._heap))
+                self._waits.over(before, self._reach, self._arrivals, held=bool(self._heap))

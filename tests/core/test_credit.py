@@ -31,7 +31,7 @@ def test_a_monitor_ahead_gets_no_more_until_it_is_waited_for() -> None:
         granted += [(stamp, *grant) for grant in credit.grant(buffer)]
     assert granted == [(stamp, "fast", 2) for stamp in (1, 3, 5, 7)]
     assert credit.left["fast"] == 9 - 12
-    buffer.clock(("slow", A), 11)
+    buffer.clock((("slow", A), 11))
     assert buffer.awaited == ("slow", A)
     assert credit.grant(buffer) == [("fast", 5)], "the order has got on"
 
@@ -61,7 +61,7 @@ def test_whom_the_order_waits_for_always_gets_credit(
                 credit.spend(monitor)
                 buffer.push(0, (monitor, stream), "", number, 0)
             case "clock":
-                buffer.clock((monitor, stream), number)
+                buffer.clock(((monitor, stream), number))
             case "open":
                 buffer.open(monitor, (stream,))
                 told[monitor] = credit.open(monitor)
@@ -98,7 +98,7 @@ def test_monitors_that_heed_it_never_overfill_the_order_nor_wait_for_each_other(
     while any(left.values()):
         for name in names:
             if not left[name]:
-                released += buffer.clock((name, A), 10**6)
+                released += buffer.clock(((name, A), 10**6))
         credit.grant(buffer)
         able = [name for name in names if left[name] and credit.left[name] > 0]
         assert able, "all wait for each other"

@@ -63,7 +63,7 @@ def test_whom_and_what_the_order_waits_for_is_as_brute_force_has_it(
         if act == "p":
             buffer.push(0, (monitor, stream), publisher, stamp, 0)
         elif act == "c":
-            buffer.clock((monitor, stream), stamp)
+            buffer.clock(((monitor, stream), stamp))
         else:
             buffer.open(monitor, {"o": (A, B), "x": ()}[act])
         at = buffer.frontiers
@@ -93,7 +93,7 @@ def test_who_gets_credit_is_who_wants_it_and_is_not_ahead(acts: list[tuple[str, 
             wanting |= {monitor} if credit.left[monitor] <= 0 else set()
             buffer.push(0, (monitor, A), "", stamp, 0)
         elif act == "c":
-            buffer.clock((monitor, A), stamp)
+            buffer.clock(((monitor, A), stamp))
         else:
             buffer.open(monitor, (A,))
             credit.open(monitor)
@@ -129,7 +129,7 @@ def test_an_event_costs_no_look_at_each_monitor(monkeypatch: pytest.MonkeyPatch,
                 credit.open(name)
             credit.spend(name)
             done = buffer.advance(events) + buffer.push(events, (name, A), "", stamp, events)
-            done += buffer.clock((name, A), stamp + 1) if clocks else []
+            done += buffer.clock(((name, A), stamp + 1)) if clocks else []
             released += len(done)
             buffer.unheard(stamp)
             credit.grant(buffer)

@@ -88,7 +88,7 @@ def test_delays_within_the_bound_come_out_in_publication_order(
         if number < len(clocks):
             source, slack = clocks[number]
             coming = [other.stamp for other in found[number + 1 :] if other.source == source]
-            released += buffer.clock(source, min(coming, default=99) - slack)
+            released += buffer.clock((source, min(coming, default=99) - slack))
     released += buffer.flush()
     assert items(released) == sorted(range(len(found)), key=lambda n: (found[n].stamp, n))
     assert not any(r.late or r.forced for r in released)
@@ -153,7 +153,7 @@ class Watched:
             case "clock":
                 if source in self.spoken:
                     self.spoken[source].clock = max(stamp, self.spoken[source].clock)
-                self.took(self.buffer.clock(source, stamp))
+                self.took(self.buffer.clock((source, stamp)))
             case "open":
                 self.open(source[0], (source[1],) if publisher == "p1" else (A, B))
             case "close":

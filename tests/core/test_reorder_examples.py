@@ -28,12 +28,12 @@ def test_a_clock_speaks_for_a_silent_stream() -> None:
     buffer = opened(None)
     for number, source in enumerate((SA, SB)):
         assert buffer.push(number, source, "", 5 + number, 10) == []
-    assert items(buffer.clock(SC, 5)) == [0]
-    assert buffer.clock(SC, 4) == []
+    assert items(buffer.clock((SC, 5))) == [0]
+    assert buffer.clock((SC, 4)) == []
     assert buffer.frontiers[SC] == 5
-    assert items(buffer.clock(SC, 6)) == []  # /a may still speak of 5
-    assert items(buffer.clock(SA, 6)) == [1]
-    assert buffer.clock(("stranger", A), 7) == []
+    assert items(buffer.clock((SC, 6))) == []  # /a may still speak of 5
+    assert items(buffer.clock((SA, 6))) == [1]
+    assert buffer.clock((("stranger", A), 7)) == []
     assert ("stranger", A) not in buffer.frontiers
 
 
@@ -44,14 +44,14 @@ def test_a_publisher_that_lags_is_waited_for() -> None:
     assert items(buffer.push(1, SA, "slow", 1, 1)) == [1]
     assert items(buffer.push(2, SA, "fast", 9, 9)) == []
     assert items(buffer.push(3, SA, "slow", 5, 9)) == [3]
-    assert items(buffer.clock(SA, 8)) == []
-    assert items(buffer.clock(SA, 9)) == [2]
+    assert items(buffer.clock((SA, 8))) == []
+    assert items(buffer.clock((SA, 9))) == [2]
 
 
 def test_a_new_publisher_holds_back_a_stream_that_was_ahead() -> None:
     buffer = opened(None)
     buffer.open("m", (A, B))
-    assert buffer.clock(SA, 5) == []
+    assert buffer.clock((SA, 5)) == []
     assert buffer.push(0, SB, "first", 9, 9) == []
     assert items(buffer.push(1, SB, "second", 3, 9)) == [1]
     assert buffer.push(2, SB, "third", 4, 9) == []  # the second may still speak of 3

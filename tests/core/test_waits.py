@@ -27,9 +27,9 @@ def waits(released: list[Released[int]]) -> list[tuple[int, str, tuple[Source, .
 def test_the_last_stream_of_the_last_monitor_is_told() -> None:
     buffer = opened()
     assert buffer.push(1, ROBOT_A, "", 10, 0) == []
-    assert buffer.clock(ROBOT_B, 20) == []
+    assert buffer.clock((ROBOT_B, 20)) == []
     assert waits(buffer.push(2, ARM_B, "", 30, 0)) == [(1, "clock", (ARM_B,))], "not what came to release it"
-    assert waits(buffer.clock(ROBOT_A, 40)) == []
+    assert waits(buffer.clock((ROBOT_A, 40))) == []
     assert waits(buffer.push(3, ROBOT_B, "", 50, 0)) == [(2, "clock", (ROBOT_B,))]
 
 
@@ -37,7 +37,7 @@ def test_a_clock_is_the_reason_only_where_no_message_tells_as_much() -> None:
     buffer = opened()
     buffer.push(1, ROBOT_B, "", 10, 0)
     assert buffer.push(2, ROBOT_A, "", 10, 0) == []
-    buffer.clock(ROBOT_B, 20)
+    buffer.clock((ROBOT_B, 20))
     told = [(1, "frontier", (ARM_B,)), (2, "frontier", (ARM_B,))]
     assert waits(buffer.push(3, ARM_B, "", 10, 0)) == [*told, (3, "frontier", ())], "each has a message of that time"
     assert buffer.push(4, ROBOT_A, "", 11, 0) == []
@@ -46,8 +46,8 @@ def test_a_clock_is_the_reason_only_where_no_message_tells_as_much() -> None:
 
 def test_what_is_due_as_it_comes_waited_for_nothing() -> None:
     buffer = opened()
-    buffer.clock(ROBOT_B, 50)
-    buffer.clock(ARM_B, 50)
+    buffer.clock((ROBOT_B, 50))
+    buffer.clock((ARM_B, 50))
     assert waits(buffer.push(1, ROBOT_A, "", 10, 0)) == [(1, "clock", ())]
     assert waits(buffer.push(2, ROBOT_A, "", 20, 0)) == [(2, "clock", ())]
     assert waits(buffer.push(3, ROBOT_A, "", 5, 0)) == [(3, "clock", ())], "it is late"
@@ -57,17 +57,42 @@ def test_a_monitor_that_leaves_is_told_of_what_waited_for_it_only() -> None:
     buffer = opened()
     buffer.push(1, ROBOT_A, "", 10, 0)
     buffer.push(2, ROBOT_A, "", 30, 0)
-    buffer.clock(ARM_B, 20)
-    assert waits(buffer.clock(ROBOT_B, 40)) == [(1, "clock", (ROBOT_B,))]
+    buffer.clock((ARM_B, 20))
+    assert waits(buffer.clock((ROBOT_B, 40))) == [(1, "clock", (ROBOT_B,))]
     assert waits(buffer.close("arm")) == [(2, "clock", (ARM_B,))]
     buffer.push(3, ROBOT_A, "", 60, 0)
     assert waits(buffer.close("robot")) == [(3, "frontier", (ROBOT_B,))]
 
 
+def test_of_what_is_told_at_once_each_stream_was_waited_for_that_was_behind() -> None:
+    buffer = opened()
+    buffer.clock((ROBOT_B, 15))
+    buffer.push(1, ROBOT_A, "", 10, 0)
+    buffer.push(2, ROBOT_A, "", 20, 0)
+    told = buffer.clock((ARM_B, 30), (ROBOT_B, 30), (("stranger", A), 5))
+    assert waits(told) == [(1, "clock", (ARM_B,)), (2, "clock", (ARM_B, ROBOT_B))]
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(SOURCES), st.integers(0, 9)), max_size=8),
+    st.lists(st.tuples(st.sampled_from(SOURCES), st.integers(0, 9)), max_size=6),
+)
+def test_what_is_told_at_once_releases_as_what_is_told_one_by_one(
+    pushed: list[tuple[Source, int]], told: list[tuple[Source, int]]
+) -> None:
+    together, apart = opened(), opened()
+    for number, (source, stamp) in enumerate(pushed):
+        together.push(number, source, "", stamp, 0)
+        apart.push(number, source, "", stamp, 0)
+    released = [each for clock in told for each in apart.clock(clock)]
+    assert [w[:2] for w in waits(together.clock(*told))] == [w[:2] for w in waits(released)]
+    assert (together.limit, together.awaited) == (apart.limit, apart.awaited)
+
+
 def test_a_wait_that_is_given_up_tells_all_that_were_behind() -> None:
     buffer = opened(max_delay=5, capacity=1)
     buffer.push(1, ROBOT_A, "", 10, 0)
-    buffer.clock(ARM_B, 20)
+    buffer.clock((ARM_B, 20))
     assert waits(buffer.advance(5)) == [(1, "max_delay", (ROBOT_B,))]
     buffer.push(2, ROBOT_A, "", 30, 6)
     assert waits(buffer.push(3, ROBOT_A, "", 40, 6)) == [(2, "capacity", (ARM_B, ROBOT_B))]
@@ -100,7 +125,7 @@ def test_it_is_who_was_behind_before_and_not_any_more(acts: list[tuple[str, Sour
             stamps.append(newest[source, publisher])
             released = buffer.push(came, source, publisher, stamps[came], now)
         elif act == "c":
-            released = buffer.clock(source, now + more)
+            released = buffer.clock((source, now + more))
         else:
             released = buffer.close(source[0])
         after = buffer.frontiers
@@ -122,7 +147,7 @@ def test_what_is_released_in_turns_waited_for_the_same(acts: list[tuple[bool, So
     for number, (pushes, source, more) in enumerate(acts):
         stamp = newest[source] = newest.get(source, 0) + more
         for buffer, told in zip((at_once, in_turns), found, strict=True):
-            did = buffer.push(number, source, "", stamp, 0) if pushes else buffer.clock(source, stamp)
+            did = buffer.push(number, source, "", stamp, 0) if pushes else buffer.clock((source, stamp))
             while number % every == 0 and buffer.due is not None:
                 did += buffer.more()
             told.update({each.item: each.waited for each in did})
