@@ -31,12 +31,9 @@ class Server:
 
     @property
     def cpu(self) -> float:
-        """The CPU seconds that it has spent; 0 where there is no /proc."""
-        stat = Path(f"/proc/{self.pid}/stat")
-        if not stat.exists():
-            return 0.0
-        fields = stat.read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        """The CPU seconds that its threads have spent; 0 where there is no /proc."""
+        told = [thread.read_text() for thread in Path(f"/proc/{self.pid}/task").glob("*/schedstat")]
+        return sum(int(text.split()[0]) for text in told) / 1e9
 
 
 @contextmanager

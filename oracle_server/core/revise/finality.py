@@ -58,7 +58,7 @@ class RevisableState(PropertyState):
         allowed: int = MAX_WORK,
     ) -> Outcome:
         """The outcome at the next step; see `PropertyState.step`."""
-        if self.repeated is not None or not self.is_asked:
+        if self.repeated is not None or (self.said and not self._goes_on):  # `is_asked`, without a call
             self.work = 0
             self.changed.append(self)
             return self.repeated or self._final(time)
