@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.processes import PATIENCE, beside_server, environment
+from tests.ros1.harness import Scene
 
 
 def said(**settings: str) -> str:
@@ -33,6 +34,17 @@ def test_where_ros_can_not_write_its_log_a_sentence_says_so(tmp_path: Path) -> N
     taken = tmp_path / "log"
     taken.touch()
     assert said(ROS_LOG_DIR=str(taken)).startswith("oracle_ros1: ROS does not start: LoggingException: Cannot save")
+
+
+def test_where_rospy_has_no_log_the_console_says_what_is_wrong(tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        (tmp_path / "file").touch()
+        scene.settings["ROS_LOG_DIR"] = str(tmp_path / "file" / "log")
+        words = ("-m", "oracle_ros1", "--oracle", scene.server.url, "--spec", "nothing")
+        adapter = scene.run("adapter", sys.executable, *words)
+        adapter.said("cannot create log directory")
+        adapter.said("unknown_spec: there is no spec 'nothing'")
+        assert adapter.end() == 2
 
 
 def test_a_package_of_ros_that_is_missing_is_named(tmp_path: Path) -> None:

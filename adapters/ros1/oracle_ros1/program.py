@@ -21,6 +21,7 @@ from oracle_adapter import Board, LinkError, Names, open_log
 from oracle_adapter.command import close, make_link, wait_attached
 
 from oracle_ros1.codec import CodecError
+from oracle_ros1.console import log_anyway
 from oracle_ros1.graph import dump_graph, log_without_master
 from oracle_ros1.handshakes import hear_each_by_itself, note_refused_callers, tell_wrong_address
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
@@ -54,6 +55,7 @@ def run(arguments: Sequence[str], stopping: Stopping) -> int:
         except Exception as error:  # noqa: BLE001 - of many classes, as where its log can't be written
             _say(f"ROS does not start: {type(error).__name__}: {error}")
             return 2
+        log_anyway()
         log_without_master()
     return _as_node(options, stopping)
 
