@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+from oracle_adapter import unpublished
+from oracle_ros2.unserved import UnservedService
 
 from tests.robot import spec_folder
 from tests.ros2.harness import Scene, eventually
@@ -81,3 +84,26 @@ def test_a_service_that_nobody_serves_is_told_with_what_it_is_called_here(tmp_pa
         )
         peer.node.create_service(srv.SetBool, "/SetLamp", lambda _, response: response)
         adapter.said("/SetLamp: recovered")
+
+
+def known(node: Any) -> set[str]:
+    """The services on the graph, once it knows both nodes of the name."""
+    twice = node.get_node_names().count("uav1") == 2
+    return {name for name, _ in node.get_service_names_and_types()} if twice else set()
+
+
+def test_where_another_node_has_its_name_a_monitor_does_not_name_its_own_proxy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpublished, "PATIENCE", 0.0)
+    with Scene(tmp_path) as scene:
+        both = scene.peer("uav1").node, scene.peer("uav1").node
+        peer = scene.peer()
+        for number, node in enumerate(both):
+            node.create_service(srv.SetBool, f"/SetLamp_{number}", lambda _, response: response)
+        for node in both:
+            peer.until(lambda node=node: known(node) >= {"/SetLamp_0", "/SetLamp_1"})
+        told = dict(both[0].get_service_names_and_types_by_node("uav1", "/"))
+        mine = 0 if "/SetLamp_1" in told else 1  # the graph tells of the other one
+        unserved = UnservedService(both[mine], "/SetLamp", "std_srvs/srv/SetBool")
+        assert unserved.look() == f"nobody serves /SetLamp; did you mean /SetLamp_{1 - mine}?"

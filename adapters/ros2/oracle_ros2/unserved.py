@@ -32,7 +32,8 @@ class UnservedService:
     def _others(self) -> Iterator[str]:
         """The services of this type that others have, or call."""
         node = self._node
-        own = dict(node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace()))
+        # not by the node's name, which another one may have
+        own = {node.resolve_service_name(service.srv_name) for service in node.services}
         for name, types in node.get_service_names_and_types():
             if self._type in types and name not in own and name != self._name:
                 yield name
