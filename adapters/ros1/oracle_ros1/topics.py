@@ -92,7 +92,8 @@ class FilteredTopic:
         self._taken, self._unguarded, self._unreached = taken, "", ""
         self._silence, self._missing = Unpublished(rospy.resolve_name(taken)), Unheard(shared.graph)
         self._ungiven = Ungiven(shared.graph)
-        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
+        passing = Passing(shared.link, shared.board, stream, shared.clocks)
+        self._queue = ForwardQueue(passing, self._forward, size=_size)
         self._latches = Latches(lambda: headers(self._subscriber))
         self._publisher: Optional[rospy.Publisher] = None
         self._stopped = False
@@ -206,6 +207,11 @@ class FilteredTopic:
                 self._publisher.publish(message)
             except rospy.ROSException:  # ROS is shut down, as by `rosnode kill`
                 return False
-            keep_room(self._publisher, len(message._buff))  # noqa: SLF001 - rospy's own interface
+            keep_room(self._publisher, _size(message))
             self._latches.passed(message)
             return True
+
+
+def _size(message: rospy.AnyMsg) -> int:
+    """How many bytes a message takes."""
+    return len(message._buff)  # noqa: SLF001 - rospy's own interface

@@ -212,7 +212,7 @@ class FilteredTopic:
         self._circle = topic_circle(node, source, target)
         self._publisher = MatchedPublisher(node, self.observed.type, target)
         passing = Passing(shared.link, shared.board, stream, shared.clocks)
-        self._queue = ForwardQueue(passing, self._give)
+        self._queue = ForwardQueue(passing, self._give, size=lambda said: len(said[0]))
         self._lifespan: float | None = None
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
         self.observed.is_foreign, self.observed.lasts = self.subscription.is_foreign, self.subscription.lasts

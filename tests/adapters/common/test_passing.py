@@ -6,7 +6,7 @@ import logging
 from typing import Any, Dict, List, Sequence
 
 import pytest
-from oracle_adapter import Answer, Board, Link, Stats, Status
+from oracle_adapter import Answer, Board, Link, Stats, Status, forwarding
 from oracle_adapter.clocks import Clocks
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.passing import Passing
@@ -58,6 +58,7 @@ class Robot:
             Passing(link, self.board, STREAM, Clocks(lambda: 1)),
             self._forward,
             lambda message, why: self.withheld.append((message, why)),
+            size=len,
         )
 
     def take(self, *messages: str) -> None:
@@ -123,6 +124,25 @@ def test_what_does_not_pass_is_told_with_a_reason(peer: Peer, robot: Robot) -> N
         ("first", "slow, near"),
         ("second", "it could not be passed on: ZeroDivisionError('no way for second')"),
     ]
+
+
+def test_of_too_much_that_waits_the_oldest_does_not_pass(
+    peer: Peer, robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forwarding, "ROOM", 2 << 20)
+    monkeypatch.setattr(forwarding, "FEW", 2)
+    large = "x" * (1 << 20)
+    robot.take("first", "second", large, large, "fifth")
+    peer.events(5)
+    decide(peer, 1, 2, 3, 4, 5)
+    assert handlings(peer, 5) == {1: False, 2: False, 3: False, 4: True, 5: True}
+    assert robot.forwarded == [large, "fifth"]
+    (error,) = robot.screen.errors
+    assert "more than 2 MiB waited for decisions" in error
+    robot.take(large, large)  # what is settled takes no room
+    peer.events(2)
+    decide(peer, 6, 7)
+    assert handlings(peer, 2) == {6: True, 7: True}
 
 
 def test_failures_are_shown_once_a_stream_and_counted(peer: Peer, robot: Robot) -> None:
