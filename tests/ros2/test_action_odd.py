@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from oracle_ros2 import relay
 
 from tests.adapters.judge import judge
 from tests.processes import Data
@@ -61,10 +62,14 @@ class Raw:
         self.peer.until(sent.done, "there is no reply")
         return bool(sent.result().accepted)
 
-    def result(self, goal: bytes) -> tuple[int, list[int]]:
+    def ask_result(self, goal: bytes) -> Any:
+        """A question for a result that is on its way."""
         request = IMPL.GetResultService.Request()
         request.goal_id.uuid = list(goal)
-        asked = self._results.call_async(request)
+        return self._results.call_async(request)
+
+    def result(self, goal: bytes) -> tuple[int, list[int]]:
+        asked = self.ask_result(goal)
         self.peer.until(asked.done, "there is no result")
         return asked.result().status, list(asked.result().result.sequence)
 
@@ -128,6 +133,18 @@ def test_results_of_goals_that_nobody_has_sent_are_unknown(tmp_path: Path) -> No
         scene.server()
         client = Raw(scene)
         client.peer.until(lambda: client.result(ONE)[0] == UNKNOWN)
+        scene.adapter.ends_well()
+
+
+def test_of_results_that_are_asked_for_and_do_not_come_the_oldest_is_unknown(tmp_path: Path) -> None:
+    with acting(tmp_path, streams("goal", "result")) as scene:
+        scene.server(10.0)
+        client = Raw(scene)
+        assert client.accepted(ONE, LONG)
+        first, *_ = [client.ask_result(ONE) for _ in range(relay.MOST)]
+        client.peer.until(lambda: client.ask_result(ONE) and first.done())
+        assert first.result().status == UNKNOWN
+        scene.adapter.said(f"/fib has not told the result of goal {ONE.hex()}, nor 1000 that were asked for later")
         scene.adapter.ends_well()
 
 

@@ -14,7 +14,7 @@ from oracle_ros2.codec import load_type, write
 from oracle_ros2.feedback import RelayedFeedback
 from oracle_ros2.goals import Goals
 from oracle_ros2.graph import hidden, past_proxy
-from oracle_ros2.relay import UNDERWAY, Relay
+from oracle_ros2.relay import MOST, UNDERWAY, Relay
 from oracle_ros2.sides import Side, now
 from oracle_ros2.stamps import ros_time, time_of
 from oracle_ros2.standing import RelayedStatus
@@ -116,10 +116,11 @@ class ProxiedAction:
             if self._reject(call):
                 call.given_up()
                 self._board.error(f"{self.name} is not there: goal {_goal_of(call).hex()} is rejected")
-        for call in self._cancelling.catch_up():
+        for call in (*self._cancelling.catch_up(), *self._cancelling.give_up()):
             call.given_up()
             self._keep(call)
         self._abort(self._results.catch_up())
+        self._leave_unknown(self._results.give_up())
         self._withdrawals.catch_up(self._status.statuses)
 
     def look(self) -> str:
@@ -299,6 +300,16 @@ class ProxiedAction:
         response = self._impl.GetResultService.Response(status=ABORTED)
         write(response.result, self._denied)
         return self._results.reply(call, response)
+
+    def _leave_unknown(self, calls: Sequence[Call]) -> None:
+        """Wait for some results no more, as too many are asked for: their goals may go on."""
+        for call in calls:
+            if self._results.reply(call, self._impl.GetResultService.Response(status=UNKNOWN)):
+                self._board.error(
+                    f"{self.name} has not told the result of goal {_goal_of(call).hex()}, nor {MOST} that were asked "
+                    "for later: who waits for it is told that it is unknown"
+                )
+            self._decide(call)
 
     def _decide(self, call: Call) -> None:
         """A result is decided on, or none will come: how its goal stands may be told."""
