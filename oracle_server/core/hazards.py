@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from oracle_server.core.actions import action_hazards
+from oracle_server.core.attempts import attempts
 from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.calledtwice import called_twice, spelt_twice
 from oracle_server.core.copied import asked_twice, read_twice
@@ -95,6 +96,7 @@ def inspect(
         *read_twice(spec, known),
         *at_the_beginning(spec),
         *ever(spec),
+        *attempts(spec),
         *ever_before(spec),
         *always_before(spec),
         *unseen_silence(spec),

@@ -34,7 +34,7 @@ def trace(spec: Spec, prop: Property, stream: StreamSpec) -> Trace:
     found = obligation(prop.formula)
     broken = prop.formula if found is None else breach(found)
     atoms = prop.atoms if broken is None else _looked_back_at(broken)
-    return Trace.ATOMS if any(_can_be_met(spec, stream, atom) for atom in atoms) else Trace.NONE
+    return Trace.ATOMS if any(can_be_met(spec, stream, atom) for atom in atoms) else Trace.NONE
 
 
 def left_by(spec: Spec, stream: StreamSpec) -> frozenset[str]:
@@ -42,7 +42,7 @@ def left_by(spec: Spec, stream: StreamSpec) -> frozenset[str]:
     found = set(stream.hold)
     for definition in spec.derive:  # each reads none but those before it
         reads = {c.key for atom in definition.atoms for c in atom.constraints}
-        if reads & found or any(_can_be_met(spec, stream, atom) for atom in definition.atoms):
+        if reads & found or any(can_be_met(spec, stream, atom) for atom in definition.atoms):
             found.add(definition.name)
     return frozenset(found)
 
@@ -54,7 +54,7 @@ def lingers(spec: Spec, prop: Property, name: str) -> bool:
     return any(trace(spec, prop, s) is not Trace.NONE for s in kept)
 
 
-def _can_be_met(spec: Spec, stream: StreamSpec, atom: Atom) -> bool:
+def can_be_met(spec: Spec, stream: StreamSpec, atom: Atom) -> bool:
     """Whether an event of a stream can meet an atom, and not by what others have left alone."""
     own = None if stream.signals is None else stream.signals.keys() | reserved_of(stream)
     keys = {c.key for c in atom.constraints}

@@ -72,6 +72,7 @@ class StreamSpec:
     on_unavailable: Literal["deny", "pass"] = "deny"
     decide_within: int = 2 * SECOND
     on_deny: Literal["keep", "undo"] = "keep"
+    on_deny_given: bool = False
     via: Literal["proxy", "introspection"] = "proxy"
     denied_result: Mapping[str, Any] | None = None
     first: bool | None = None

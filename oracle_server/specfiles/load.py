@@ -292,13 +292,12 @@ def _streams(model: TopicModel | ServiceModel | ActionModel) -> Iterator[StreamS
         "on_unavailable": model.on_unavailable,
         "decide_within": model.decide_within,
         "on_deny": model.on_deny,
+        "on_deny_given": "on_deny" in model.model_fields_set,
     }
     if isinstance(model, TopicModel):
-        yield StreamSpec(model.topic, intercept=model.intercept, **_channel(model), **common)
-        return
+        return (yield StreamSpec(model.topic, intercept=model.intercept, **_channel(model), **common))
     if isinstance(model, ActionModel):
-        yield from action_streams(model, common, _channel)
-        return
+        return (yield from action_streams(model, common, _channel))
     common |= {"proxy": model.proxy or f"{model.service}_mon", "denied_response": model.denied_response}
     yield StreamSpec(model.service, "request", **_channel(model.request), **common)
     yield StreamSpec(model.service, "response", **_channel(model.response), **common)
