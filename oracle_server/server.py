@@ -51,7 +51,7 @@ from oracle_server.process.clock import Clock
 from oracle_server.process.garbage import collect_rarely, uncollected
 from oracle_server.process.logs import set_up_logs
 from oracle_server.process.notify import READY, STATUS, notify
-from oracle_server.process.openfiles import allow
+from oracle_server.process.openfiles import connections
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import POSTGRES, Settings, unknown_variables
 from oracle_server.process.watchdog import Watchdog
@@ -101,7 +101,7 @@ def serve(settings: Settings) -> None:
         _require_permission(settings, tokens)
         library = _library(settings)
         receivers = load_receivers(settings.alarms) if settings.alarms else []
-        visitors = Visitors(_connections(settings.max_connections))
+        visitors = Visitors(connections(settings.max_connections, _OTHER_FILES))
         listener = held.enter_context(listen(settings.host, settings.port, visitors))
         unix = held.enter_context(listening_unix(settings.unix, visitors))
         foxglove = None if settings.foxglove is None else _listen_to_foxglove(settings, settings.foxglove)
@@ -318,14 +318,6 @@ def _certificates(settings: Settings) -> Certificates | None:
     if settings.tls_cert is None or settings.tls_key is None:
         return None
     return Certificates(settings.tls_cert, settings.tls_key, settings.tls_client_ca)
-
-
-def _connections(wanted: int) -> int:
-    """How many connections there may be: fewer than wanted, with a warning, where too few files may be opened."""
-    allowed = max(1, allow(wanted + _OTHER_FILES) - _OTHER_FILES)
-    if allowed < wanted:
-        log.warning("fewer connections are accepted than wanted: too few files may be opened", accepted=allowed)
-    return allowed
 
 
 class _Server(uvicorn.Server):

@@ -20,7 +20,8 @@ and, where they are raised:
   `MachineError`, of a machine of a spec; `NotWrittenError`, of a spec that was imported and can't be written
 - `rostypes`: `TypesError`, definitions that can't be used; `DefinitionError`, one that can't be read, with its line
 - `wire`: `WireError`, what is answered by an `error` frame
-- `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`; `WorkerError`, of a process beside the server
+- `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`, `FilesError`; `WorkerError`, of a process
+  beside the server
 - `history`: `FormatError` and `FencedError`, each a `HistoryError`: of a format that this version does not read, of a
   server whose sessions another one has taken over
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere

@@ -210,6 +210,8 @@ def _stat(path: Path) -> tuple[int, ...] | None:
 
 def _read(path: Path) -> list[Token]:
     try:
+        if path.is_fifo():  # to read it would wait for who writes to it, with all requests
+            raise TokenError(f"{path}: is a pipe, and no file; `oracle-server token add` makes one where there is none")
         if path.stat().st_mode & 0o077:
             raise TokenError(f"{path}: other users may read it; run `chmod 600 {path}`")
         return _File.model_validate_json(path.read_bytes()).tokens

@@ -61,8 +61,23 @@ def start(settings: Settings, within: float) -> None:
     process, status = launch(_environment(settings, log), log, within)
     started = running(folder)
     if status:
-        sys.stderr.write(f"oracle-server: {status}\n")
-    sys.stdout.write(f"{started.url if started else 'started'}: accepts work (pid {process.pid}, log {log})\n")
+        _warn(status)
+    _tell(f"{started.url if started else 'started'}: accepts work (pid {process.pid}, log {log})")
+
+
+def _tell(done: str) -> None:
+    """Print what was done; where that can't be written it is done all the same, and standard error has it."""
+    try:
+        sys.stdout.write(f"{done}\n")
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left is written once more at the end
+        _warn(f"{done}; standard output can't be written: {error.strerror}")
+
+
+def _warn(text: str) -> None:
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"oracle-server: {text}\n")
 
 
 def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bool = True) -> Launched:
@@ -103,7 +118,7 @@ def stop(folder: Path, within: float) -> None:
     """
     server = running(folder)
     if server is None:
-        sys.stdout.write(f"{folder}: no server runs\n")
+        _tell(f"{folder}: no server runs")
         return
     if server.embedded:
         raise DaemonError(_adapters(folder, server))
@@ -124,7 +139,7 @@ def stop(folder: Path, within: float) -> None:
                 f"`kill -9 {server.pid}` ends it, and loses nothing that was acked"
             )
         time.sleep(_POLL_INTERVAL)
-    sys.stdout.write(f"{server.url or folder}: stopped\n")
+    _tell(f"{server.url or folder}: stopped")
 
 
 def status(folder: Path, *, as_json: bool, ready: bool = False) -> int:
@@ -186,6 +201,8 @@ def _environment(settings: Settings, log: Path) -> dict[str, str]:
 def _open_log(log: Path) -> IO[bytes]:
     try:
         log.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if log.is_fifo():  # to open it would wait for who reads it
+            raise DaemonError(f"{log}: is a pipe, and no file: delete it, or name another ORACLE_LOG_FILE")
         return open(log, "ab", opener=lambda path, flags: os.open(path, flags, 0o600))
     except OSError as error:
         where = "name a folder of yours by --data-dir, or another ORACLE_LOG_FILE"

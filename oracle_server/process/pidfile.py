@@ -46,6 +46,7 @@ class PidFile:
         self._embedded = embedded
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            _demand_no_pipe(folder / NAME)
             self._file = open(folder / NAME, "a+", encoding="utf-8", opener=_private)  # noqa: SIM115 -- held
         except OSError as error:
             raise PidFileError(f"{folder}: can't be used as data directory: {error.strerror}") from None
@@ -93,6 +94,12 @@ class PidFile:
         self._file.close()
 
 
+def _demand_no_pipe(path: Path) -> None:
+    """Raise `PidFileError` for a pipe: to open it would wait for who writes to it, without an end."""
+    if path.is_fifo():
+        raise PidFileError(f"{path}: is a pipe, and no file: delete it, or name another --data-dir")
+
+
 def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
@@ -101,6 +108,7 @@ def running(folder: Path) -> Running | None:
     """The server that holds a data directory, None where none does. Raises `PidFileError` where that can't be read."""
     deadline = time.monotonic() + _WITHIN
     try:
+        _demand_no_pipe(folder / NAME)
         with (folder / NAME).open(encoding="utf-8") as file:
             while _is_locked(file):
                 file.seek(0)

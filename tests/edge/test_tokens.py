@@ -24,15 +24,21 @@ def test_tokens_that_come_and_go_at_once_undo_each_other_nowhere(tmp_path: Path)
     assert sorted(token.name for token in listed(file)) == sorted(names)
 
 
+def _make_pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file, 0o600)
+
+
 SPOILING: list[Callable[[Path], object]] = [
     lambda file: file.unlink(),
     lambda file: file.write_text("{"),
     lambda file: file.write_text('{"tokens": []}'),
     lambda file: file.chmod(0o644),
+    _make_pipe,
 ]
 
 
-@pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable"])
+@pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable", "pipe"])
 def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[Path], object]) -> None:
     file = tmp_path / "tokens.json"
     secret = add(file, "a", ["admin"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -136,3 +137,10 @@ def test_a_database_of_another_program_is_refused_and_left_as_it_is(tmp_path: Pa
         SqliteHistory(tmp_path)
     assert file.read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["history.sqlite"]
+
+
+def test_a_pipe_in_its_place_is_refused_at_once(tmp_path: Path) -> None:
+    """To read it would wait for who writes to it, without an end."""
+    os.mkfifo(tmp_path / "history.sqlite")
+    with pytest.raises(HistoryError, match=r"history\.sqlite: can't be used as a database"):
+        SqliteHistory(tmp_path)

@@ -69,3 +69,11 @@ def test_a_data_directory_that_is_a_file_is_told_in_words(tmp_path: Path) -> Non
     with pytest.raises(PidFileError) as error:
         running(file)
     assert str(error.value) == f"{file / NAME}: can't be read: Not a directory; --data-dir names a folder"
+
+
+def test_a_pipe_in_its_place_is_told(tmp_path: Path) -> None:
+    """To open it would wait for who writes to it, without an end."""
+    os.mkfifo(tmp_path / NAME)
+    for use in (running, PidFile):
+        with pytest.raises(PidFileError, match=r"server\.pid: is a pipe"):
+            use(tmp_path)

@@ -16,11 +16,11 @@ import pytest
 
 from oracle_server.cli import serving
 from oracle_server.process import daemon
-from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
+from oracle_server.process.daemon import _ON_THE_COMMAND_LINE, DaemonError
 from oracle_server.process.pidfile import NAME, PidFile, running
-from oracle_server.process.settings import Settings
+from oracle_server.process.settings import Settings, load_settings
 from tests.whole.conftest import copy_specs
-from tests.whole.harness import PATIENCE, Server, failed, run
+from tests.whole.harness import COMMAND, PATIENCE, Server, failed, run
 
 
 @pytest.fixture
@@ -210,6 +210,32 @@ def test_a_place_that_can_not_be_written_is_told(specs: Path) -> None:
         assert f"{place}: can't be used as data directory" in failed("serve", "--data-dir", place, "--port", "0")
         assert place in failed("start", "--data-dir", place, "--port", "0")
     assert "name a folder of yours by --data-dir" in failed("start", "--data-dir", "/proc/nowhere", "--port", "0")
+
+
+def test_a_pipe_in_the_place_of_its_log_is_told(data: Path) -> None:
+    """To open it would wait for who reads it, without an end."""
+    data.mkdir()
+    os.mkfifo(data / daemon.LOG)
+    with pytest.raises(DaemonError, match=r"server\.log: is a pipe"):
+        daemon.start(load_settings(data_dir=data), PATIENCE)
+
+
+def test_what_was_to_be_done_is_done_where_nothing_can_be_printed(data: Path) -> None:
+    with open("/dev/full", "wb") as full:
+        arguments = [str(COMMAND), "stop", "--data-dir", str(data)]
+        ended = subprocess.run(arguments, stdout=full, stderr=subprocess.PIPE, encoding="utf-8", check=False)
+    why = "standard output can't be written: No space left on device"
+    assert (ended.returncode, ended.stderr) == (0, f"oracle-server: {data}: no server runs; {why}\n")
+
+
+def test_too_few_files_are_told(data: Path, specs: Path) -> None:
+    limited = ["sh", "-c", 'ulimit -n 15; exec "$@"', "sh", str(COMMAND)]
+    arguments = [*limited, "serve", "--data-dir", str(data), "--specs", str(specs)]
+    ended = subprocess.run(arguments, capture_output=True, encoding="utf-8", check=False)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == (
+        "oracle-server: no more than 15 files may be open at once: allow more (`ulimit -n`, `LimitNOFILE=`)\n"
+    )
 
 
 def test_systemd_is_told_how_it_stands(data: Path, specs: Path, tmp_path: Path) -> None:
