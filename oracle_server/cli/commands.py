@@ -47,6 +47,8 @@ app = typer.Typer(
 )
 _STARTING = 20_000
 """New objects between two collections of garbage; by Python's default of 700 they take a fifth of a command's start."""
+_NOWHERE = "No usable temporary directory"
+"""What Python says where it finds no folder for temporary files."""
 _POSIX = {"fcntl", "resource"}
 """Modules that Windows lacks, and that only what runs a server imports."""
 histories = typer.Typer(help="What is done with histories that no server uses.", add_completion=False)
@@ -151,7 +153,8 @@ def _reason(error: Exception) -> str:
         return " ".join(str(usage()).replace("Value error, ", "").split())  # a choice is in several lines, with tabs
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename is not None else "can't go on: "
-        return f"{where}{error.strerror or error}"
+        advice = "; name a folder that you can write by TMPDIR" if _NOWHERE in str(error) else ""
+        return f"{where}{error.strerror or error}{advice}"
     return shortage(error) or unforeseen(error)
 
 

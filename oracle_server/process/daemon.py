@@ -86,7 +86,7 @@ def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bo
     Raises `DaemonError` if it does not within `within` seconds; it is ended then, unless it is to be kept. Ctrl-C ends
     it, too, in good order.
     """
-    with _open_log(log) as output, _readiness() as (listener, address):
+    with _open_log(log) as output, _readiness(log.parent) as (listener, address):
         begin = output.seek(0, os.SEEK_END)
         line, found = command("oracle_server", "serve")
         process = subprocess.Popen(  # noqa: S603
@@ -210,17 +210,27 @@ def _open_log(log: Path) -> IO[bytes]:
 
 
 @contextlib.contextmanager
-def _readiness() -> Iterator[tuple[socket.socket, str]]:
-    """A socket on which the server reports that it accepts work, and the socket's address."""
-    place = None if len(os.fsencode(tempfile.gettempdir())) <= _LONGEST else _SHORT
+def _readiness(otherwise: Path) -> Iterator[tuple[socket.socket, str]]:
+    """A socket on which the server reports that it accepts work, and the socket's address.
+
+    `otherwise`: a folder for it where none for temporary files can be written, as where all else is read-only.
+    """
     with (
-        tempfile.TemporaryDirectory(prefix="oracle-", dir=place) as folder,
+        tempfile.TemporaryDirectory(prefix="oracle-", dir=_place(otherwise)) as folder,
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener,
     ):
         address = f"{folder}/notify"
         listener.bind(address)
         listener.settimeout(_POLL_INTERVAL)
         yield listener, address
+
+
+def _place(otherwise: Path) -> str | Path:
+    try:
+        usual = tempfile.gettempdir()
+    except FileNotFoundError:
+        return otherwise
+    return usual if len(os.fsencode(usual)) <= _LONGEST else _SHORT
 
 
 def _wait_until_ready(

@@ -7,6 +7,7 @@ import os
 import signal
 import socket
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from inspect import signature
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.cli import serving
+from oracle_server.cli import commands, serving
 from oracle_server.process import daemon
 from oracle_server.process.daemon import _ON_THE_COMMAND_LINE, DaemonError
 from oracle_server.process.pidfile import NAME, PidFile, running
@@ -68,6 +69,20 @@ def test_it_starts_whatever_the_folder_of_temporary_files_is_called(data: Path, 
     long.mkdir()
     start(data, specs, TMPDIR=str(long))
     assert run("stop", "--data-dir", data).returncode == 0
+
+
+def test_it_starts_where_no_folder_for_temporary_files_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where all but its data directory is mounted read-only; what needs such a folder says how one is named."""
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(tmp_path / "nowhere")])
+    with daemon._readiness(tmp_path) as (listener, address):
+        assert Path(address).parent.parent == tmp_path
+        assert listener.getsockname() == address
+    with pytest.raises(FileNotFoundError) as none:
+        tempfile.gettempdir()
+    assert commands._reason(none.value).endswith("; name a folder that you can write by TMPDIR")
 
 
 def test_it_starts_in_a_folder_with_modules_of_the_same_names(
