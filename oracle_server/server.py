@@ -24,6 +24,7 @@ from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
+from oracle_server.edge.caching import Caching
 from oracle_server.edge.certificates import Certificates
 from oracle_server.edge.crowds import Crowds
 from oracle_server.edge.heads import Heads
@@ -227,7 +228,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
         inside = app if history.read_only is None else ReadOnly(app, history.read_only)
         access = Access(Bodies(inside, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
-            Crowds(Origins(Heads(Slashes(access)), _hosts(settings))),
+            Crowds(Caching(Origins(Heads(Slashes(access)), _hosts(settings)))),
             http=http_transport(door.visitors),
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,

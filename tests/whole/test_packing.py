@@ -103,3 +103,15 @@ async def test_a_list_of_sessions_is_sent_again_only_where_it_has_changed(start:
         status, headers, body = raw(server, path, If_None_Match=headers["etag"])
         assert status == 200
         assert json.loads(body)["items"][0]["steps"] == 1
+
+
+async def test_nothing_is_kept_by_a_proxy_for_others(server: Server, session: str) -> None:
+    """As by one that has a time of its own for answers which say nothing of it, and which asks nobody for a token."""
+    async with attached(server, session=session, spec="single"):
+        base = f"/api/v1/sessions/{session}"
+        for path in ("/api/v1/sessions", "/api/v1/specs", base, f"{base}/trace", f"{base}none", "/readyz", "/metrics"):
+            assert raw(server, path)[1]["cache-control"] == "private, no-cache"
+        status, headers, _ = raw(server, "/api/v1/sessions", Host="robots.example")
+        assert (status, headers["cache-control"]) == (421, "private, no-cache")
+        with server.http.stream("GET", f"{base}/stream") as response:
+            assert response.headers.get_list("cache-control") == ["no-store"]
