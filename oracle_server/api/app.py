@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter, Depends, FastAPI, WebSocket
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, WebSocket
 
 from oracle_server import __version__
 from oracle_server.api import (
@@ -26,6 +26,7 @@ from oracle_server.api.explaining import Explainer
 from oracle_server.api.questions import demand_parameters
 from oracle_server.attach.connection import Connection
 from oracle_server.attach.rosmonitoring import legacy_routes
+from oracle_server.core.errors import one_line
 from oracle_server.edge import problems
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
@@ -36,6 +37,13 @@ from oracle_server.process.watchdog import Watchdog
 from oracle_server.remote.webhooks import Webhooks
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
+
+ATTACH = "/api/v1/attach"
+"""Where monitors attach."""
+_NO_UPGRADE = "monitors attach here by a WebSocket; a proxy between must pass on `Upgrade` and `Connection`"
+_PREFIX = "; a proxy that puts a path before it must take it away"
+_SHOWN = 100
+"""Characters of a wrong path that are told."""
 
 
 class _App(FastAPI):
@@ -99,15 +107,34 @@ def build_app(
         routes.add_to(app.router)
     app.include_router(_attach_route(registry, max_rate))
     app.include_router(legacy_routes(registry, legacy, max_rate, finals=legacy_finals))
+    app.include_router(_refusing_route())
     return app
 
 
 def _attach_route(registry: Registry, max_rate: float) -> APIRouter:
     routes = APIRouter()
 
-    @routes.websocket("/api/v1/attach")
+    @routes.websocket(ATTACH)
     @needs("submit")
     async def attach(socket: WebSocket) -> None:
         await Connection(socket, registry, max_rate).serve()
+
+    @routes.get(ATTACH, include_in_schema=False)
+    @needs("submit")
+    async def ask_for_upgrade() -> None:
+        raise HTTPException(426, _NO_UPGRADE, {"Upgrade": "websocket"})
+
+    return routes
+
+
+def _refusing_route() -> APIRouter:
+    """Where a monitor attaches by a wrong path, as behind a proxy that leaves its own before it: else that is 403."""
+    routes = APIRouter()
+
+    @routes.websocket("/{path:path}")
+    @needs("submit")
+    async def refuse(socket: WebSocket, path: str) -> None:
+        detail = f"no monitor attaches at `/{one_line(path[:_SHOWN])}`, but at `{ATTACH}`{_PREFIX}"
+        await socket.send_denial_response(problems.problem(404, detail))
 
     return routes

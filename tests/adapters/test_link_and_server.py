@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from queue import Queue
 
 from oracle_adapter import Link, should_pass
 
@@ -41,6 +42,13 @@ async def test_who_leaves_is_told_before_of_all_that_was_violated(start: Starts)
         assert link.send("/a", "topic", STAMP, {"v": 99})
         assert link.close(PATIENCE)
     assert len(told) == 1
+
+
+def test_a_wrong_path_is_told_and_no_matter_of_tokens(start: Starts) -> None:
+    """As behind a proxy that leaves its own path before that of the server: it was HTTP 403, at which a link ends."""
+    server, told = start(), Queue[str]()
+    with Link(f"{server.url}/oracle", "m1", spec="single", on_error=lambda error: told.put(str(error))):
+        assert "HTTP 404: no monitor attaches at `/oracle/api/v1/attach`" in told.get(timeout=PATIENCE)
 
 
 class Cable:

@@ -78,10 +78,11 @@ def test_each_route_needs_what_it_declares(app: FastAPI) -> None:
 
 @pytest.mark.parametrize(
     "connection",
-    [request("GET", "/nowhere"), request("DELETE", "/healthz"), request("PUT", "/"), handshake("/nowhere")],
+    [request("GET", "/nowhere"), request("DELETE", "/healthz"), request("PUT", "/")],
 )
 def test_where_there_is_no_route_a_token_is_needed(app: FastAPI, connection: dict[str, object]) -> None:
     assert RouteScopes(app.routes).needed(connection) == "read"
+    assert RouteScopes(app.routes).needed(handshake("/nowhere")) == "submit", "a monitor's has that"
 
 
 async def undeclared() -> None: ...

@@ -48,6 +48,12 @@ async def test_head_is_answered_as_get_without_the_body_and_a_stream_ends_behind
                 assert answer.read() == b""
 
 
+def test_who_asks_for_no_websocket_is_told_what_a_proxy_must_pass_on(server: Server) -> None:
+    answer = server.http.get("/api/v1/attach")
+    assert (answer.status_code, answer.headers["upgrade"]) == (426, "websocket")
+    assert "must pass on `Upgrade` and `Connection`" in answer.json()["detail"]
+
+
 async def test_the_api_describes_itself(server: Server) -> None:
     assert server.http.get("/docs").status_code == 200
     document = server.http.get("/openapi.json").json()

@@ -12,6 +12,7 @@ from urllib.parse import SplitResult, urlsplit, urlunsplit
 
 from websockets.exceptions import WebSocketException
 
+from oracle_adapter.answers import in_words
 from oracle_adapter.errors import LinkError
 from oracle_adapter.lookup import addresses
 from oracle_adapter.tls import Renewed
@@ -167,12 +168,13 @@ async def _open(socket: WebSocket, address: Address) -> None:
         host, port = parts.hostname or "", parts.port or (443 if secure else 80)
         tls = address.tls() if address.tls else secure or None
         await _connect(loop, socket, host, port, tls)
-    status = await socket.opened()
+    answer = await socket.opened()
+    status = answer.status_code
     if status in REFUSALS:
-        message = f"{address.shown} answered HTTP {status}"
+        message = f"{address.shown} answered {in_words(answer)}"
         raise LinkError(REFUSALS[status], message, fatal=True)
     if status != SWITCHING:
-        raise ConnectionError(f"the answer is HTTP {status}")
+        raise ConnectionError(f"the answer is {in_words(answer)}")
 
 
 async def _connect(

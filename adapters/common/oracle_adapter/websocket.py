@@ -16,6 +16,7 @@ from websockets.uri import parse_uri
 from websockets.version import version
 
 if TYPE_CHECKING:
+    from websockets.http11 import Response
     from websockets.protocol import Event
 
 try:
@@ -63,7 +64,7 @@ class WebSocket(asyncio.Protocol):
         self._transport: Optional[asyncio.Transport] = None
         self._parts: List[bytes] = []
         loop = asyncio.get_running_loop()
-        self._opened: asyncio.Future[int] = loop.create_future()
+        self._opened: asyncio.Future[Response] = loop.create_future()
         self.closed: asyncio.Future[str] = loop.create_future()
         """Done once there is no connection any more: why that is."""
         self.told = False
@@ -71,8 +72,8 @@ class WebSocket(asyncio.Protocol):
         self.heard = asyncio.Event()
         """Set whenever something comes from the other side."""
 
-    async def opened(self) -> int:
-        """Wait for the other side's answer: an HTTP status, 101 where messages can be written.
+    async def opened(self) -> Response:
+        """Wait for the other side's answer: of status 101 where messages can be written.
 
         Raises `ConnectionError` where it is no answer to a WebSocket, or none comes.
         """
@@ -80,10 +81,10 @@ class WebSocket(asyncio.Protocol):
         await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
         if not self._opened.done():
             raise ConnectionError(self.closed.result())
-        status = self._opened.result()
-        if status == SWITCHING and self._protocol.state.name != "OPEN":
+        answer = self._opened.result()
+        if answer.status_code == SWITCHING and self._protocol.state.name != "OPEN":
             raise ConnectionError("the answer is none of a WebSocket server")
-        return status
+        return answer
 
     def write(self, texts: Iterable[str]) -> None:
         """Write messages without waiting; nothing once the connection is about to end."""
@@ -158,7 +159,7 @@ class WebSocket(asyncio.Protocol):
 
     def _process(self, event: Event) -> None:
         if not isinstance(event, Frame):
-            self._opened.set_result(event.status_code)  # type: ignore[union-attr]  # to a client
+            self._opened.set_result(cast("Response", event))  # to a client
         elif event.opcode in _DATA:
             self._parts.append(bytes(event.data))
             if event.fin:
