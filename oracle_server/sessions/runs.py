@@ -32,8 +32,9 @@ def last_run(stem: str, names: Iterable[str]) -> str | None:
 
     One that an older version has named may be that of several sessions; it is counted where no other one is there.
     """
-    known = set(names)
-    found = [name for name in known if name == stem or _is_named(name, stem) or _is_alone(name, stem, known)]
+    known, runs = set(names), beginning(stem)
+    likely = [name for name in known if name == stem or name.startswith(runs)]  # few of all that are open
+    found = [name for name in likely if name == stem or _is_named(name, stem) or _is_alone(name, stem, known)]
     return max(found, key=lambda name: (run_of(name)[1], _is_named(name, stem)), default=None)
 
 
@@ -60,8 +61,9 @@ def _was_named(name: str, session: str) -> bool:
 
 def _is_alone(name: str, session: str, known: set[str]) -> bool:
     """Whether an older version has named a run of this session so, and it can't be that of another one."""
-    others = [other for other in known if other != session and run_of(other)[1] == 1]
-    return _was_named(name, session) and not any(goes_on(name, other) for other in others)
+    if not _was_named(name, session):
+        return False
+    return not any(goes_on(name, other) for other in known if other != session and run_of(other)[1] == 1)
 
 
 def _cut(stem: str, number: str) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 from oracle_server.core.spec import IDENTIFIER
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.sessions import runs
 from oracle_server.sessions.endings import Runs
 from oracle_server.sessions.runs import beginning, goes_on, last_run, named, run_of
 from tests.history.making import opened
@@ -42,6 +43,19 @@ def test_every_run_has_a_name_that_is_found_again(stem: str, run: int) -> None:
     assert last_run(run_of(name)[0], [name, later]) == later
     assert last_run(stem, [stem, name, named(stem, run * 10)]) == named(stem, run * 10)
     assert last_run(stem, [later]) == later
+
+
+def test_of_many_sessions_few_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All others wait for it where a monitor opens a session: each name was compared with each."""
+    looked: list[str] = []
+
+    def counted(name: str) -> tuple[str, int]:
+        looked.append(name)
+        return run_of(name)
+
+    monkeypatch.setattr(runs, "run_of", counted)
+    assert last_run("s", [*(f"robot{i}" for i in range(1000)), "s", "s.run2"]) == "s.run2"
+    assert len(looked) < 10
 
 
 def test_nothing_known_has_no_run() -> None:
