@@ -43,6 +43,10 @@ _CHUNK = 100
 _LONG = 2**18
 """Bytes beyond which these are fewer: the event loop copies what is sent."""
 
+_NO_END = "by HTTP/1.0 a download that is cut off looks complete: ask by HTTP/1.1; of a proxy between, nginx needs " + (
+    "`proxy_http_version 1.1`"
+)
+
 
 class RecordPage(BaseModel):
     """A page of records."""
@@ -142,7 +146,12 @@ def router(registry: Registry, history: History, explainer: Explainer) -> Routes
 async def _json_lines(
     request: Request, history: History, pages: AsyncGenerator[Sequence[object], None]
 ) -> StreamingResponse:
-    """The lines of all pages. The first page is read before the answer begins: 503 where the history can't be read."""
+    """The lines of all pages. The first page is read before the answer begins: 503 where the history can't be read.
+
+    505 by HTTP/1.0, in which a download that was cut off looks like a whole one.
+    """
+    if request.scope["http_version"] == "1.0":
+        raise HTTPException(505, _NO_END)
 
     async def first() -> Sequence[object] | None:
         return await anext(pages, None)

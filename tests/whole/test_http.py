@@ -48,6 +48,21 @@ async def test_head_is_answered_as_get_without_the_body_and_a_stream_ends_behind
                 assert answer.read() == b""
 
 
+async def test_a_download_is_refused_where_its_end_could_not_be_told(server: Server, session: str) -> None:
+    """By HTTP/1.0, as nginx asks by default: one of which the server was killed was stored as a whole session."""
+    async with attached(server, session=session, spec="lamp"):
+        for what in ("trace", "changes"):
+            path = f"/api/v1/sessions/{session}/{what}"
+            reader, writer = await asyncio.open_connection(server.http.base_url.host, server.http.base_url.port)
+            writer.write(f"GET {path} HTTP/1.0\r\nHost: localhost\r\n\r\n".encode())
+            async with asyncio.timeout(PATIENCE):
+                answer = await reader.read()
+            writer.close()
+            assert b" 505 " in answer.partition(b"\r\n")[0]
+            assert b"proxy_http_version 1.1" in answer
+            assert server.http.get(path).status_code == 200
+
+
 def test_who_asks_for_no_websocket_is_told_what_a_proxy_must_pass_on(server: Server) -> None:
     answer = server.http.get("/api/v1/attach")
     assert (answer.status_code, answer.headers["upgrade"]) == (426, "websocket")
