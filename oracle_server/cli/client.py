@@ -29,6 +29,7 @@ _KEYS = {"items", "id", "n"}
 _UNSIGNED = re.compile("self.signed|local issuer")
 _NO_TLS = re.compile("WRONG_VERSION_NUMBER|RECORD_LAYER_FAILURE")
 _ITS_NAME = "name the server as its certificate does, or renew that"
+_CUT_OFF = "complete message body"
 _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
 """Errors after which a stream is reopened where it ended."""
 
@@ -196,6 +197,8 @@ def _what_to_do(error: Exception, url: str) -> str:
         return "ORACLE_CA names the file of the authority that signed it" if _UNSIGNED.search(text) else _ITS_NAME
     if url.lower().startswith("https:") and _NO_TLS.search(text):
         return "where the server has no TLS, write http://"
+    if _CUT_OFF in text:
+        return "its answer was cut off, as where the server ended or failed meanwhile: try again, or look at its log"
     if url.lower().startswith("http:") and isinstance(error, httpx.RemoteProtocolError | httpx.ReadError):
         return "where the server has TLS, write https://"
     if isinstance(error, httpx.ReadTimeout):

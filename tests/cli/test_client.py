@@ -50,14 +50,19 @@ COMMANDS = [
 
 
 @contextmanager
-def another(status: int, body: bytes, to: str | None = None, tls: ssl.SSLContext | None = None) -> Iterator[str]:
-    """Another program that answers all in JSON, or sends on `to` another address, and its own address."""
+def another(
+    status: int, body: bytes, to: str | None = None, tls: ssl.SSLContext | None = None, lacks: int = 0
+) -> Iterator[str]:
+    """Another program that answers all in JSON, or sends on `to` another address, and its own address.
+
+    It ends the connection so many bytes before an answer's end.
+    """
 
     class Answer(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(status)
             self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(body)))
+            self.send_header("Content-Length", str(len(body) + lacks))
             if to is not None:
                 self.send_header("Location", to)
             self.end_headers()
@@ -112,6 +117,12 @@ def test_a_proxy_that_sends_on_is_told_as_one() -> None:
     with another(301, b"", "https://robots.example/oracle/api/v1/sessions?secret=1") as url:
         what = "which is not followed: name that server by --url or ORACLE_URL, if it is meant"
         assert reading(url) == f"{url}: answers 301 with https://robots.example/oracle, {what}"
+
+
+def test_an_answer_that_is_cut_off_is_told_as_that() -> None:
+    """As of a trace while the server ended: it was said to write https://."""
+    with another(200, b"{}", lacks=1) as url:
+        assert "; its answer was cut off, as where the server ended" in reading(url)
 
 
 def test_what_to_do_is_said_of_tls_that_does_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
