@@ -115,20 +115,20 @@ class Client:
             headers = {"Last-Event-ID": str(last)}
             with (
                 self._reaching(),
-                contextlib.suppress(*_CUT),
                 self._http.stream("GET", path, params=query, headers=headers, timeout=_SILENT) as response,
             ):
                 self._demand_success(response, "text/event-stream")
-                for event in _events(_lines(response)):
-                    if event.get(b"event") == b"closed":
-                        return
-                    if event.get(b"event") == b"missed":
-                        found = json.loads(event[b"data"])
-                        note(found["why"])
-                        last = found["next"] - 1
-                    if b"id" in event:
-                        yield json.loads(event[b"data"])
-                        last = int(event[b"id"])
+                with contextlib.suppress(*_CUT):
+                    for event in _events(_lines(response)):
+                        if event.get(b"event") == b"closed":
+                            return
+                        if event.get(b"event") == b"missed":
+                            found = json.loads(event[b"data"])
+                            note(found["why"])
+                            last = found["next"] - 1
+                        if b"id" in event:
+                            yield json.loads(event[b"data"])
+                            last = int(event[b"id"])
             time.sleep(_RECONNECT_AFTER)
 
     def lines(self, path: str) -> Iterator[bytes]:

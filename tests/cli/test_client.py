@@ -132,6 +132,9 @@ def test_what_to_do_is_said_of_tls_that_does_not_fit(tmp_path: Path, monkeypatch
     with another(200, b"{}", tls=context) as url:
         safe = url.replace("http:", "https:")
         assert reading(url).endswith("; where the server has TLS, write https://")
+        monkeypatch.setattr("time.sleep", lambda _: pytest.fail("it is tried again, without a word"))
+        with pytest.raises(ServerUnreachableError, match="where the server has TLS, write https://"):
+            next(Client(url).events("sessions/s/stream", print))
         assert reading(safe).endswith("; ORACLE_CA names the file of the authority that signed it")
         authority.cert_pem.write_to_path(tmp_path / "ca.pem")
         monkeypatch.setenv("ORACLE_CA", str(tmp_path / "ca.pem"))
