@@ -313,6 +313,8 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("{0 < v < 5}", "write `{v > 0}`"),
         ("{v > 0 < 5}", "a range is two constraints"),
         ("[]{x}", "leave it out, or write `historically`"),
+        ("□({x} -> ◇{y})", "no operator `□`: a formula is judged at every step; leave it out"),
+        ("{x} -> ◇[0,3] {y}", "no operator `◇`: write `{cause} -> eventually[0:3] {effect}`"),
         ("AG {x}", "leave it out, or write `historically`"),
         ("<>{x}", "`{cause} -> eventually[:60s] {effect}`"),
         ("{x} ~> {y}", "`{cause} -> eventually[:60s] {effect}`"),

@@ -6,7 +6,7 @@ from __future__ import annotations
 from oracle_server.core.formula.tree import Time
 
 SYMBOLS = {
-    **dict.fromkeys("→⇒⟶⟹", "->"),
+    **dict.fromkeys("→⇒⟶⟹⊃", "->"),
     **dict.fromkeys("“”„«»", '"'),
     **dict.fromkeys("‘’‚`", "'"),
     **dict.fromkeys("↔⇔", "(φ -> ψ) and (ψ -> φ)"),
@@ -15,13 +15,14 @@ SYMBOLS = {
     "¬": "not",
     "∧": "and",
     "∨": "or",
-    "≤": "<=",
-    "≥": ">=",
+    **dict.fromkeys("≤⩽", "<="),
+    **dict.fromkeys("≥⩾", ">="),
     "≠": "!=",
-    "□": "historically",
-    "◇": "once",
-    "–": "-",
-    "—": "-",
+    "■": "historically",
+    **dict.fromkeys("◆⧫⬥", "once"),
+    "⊤": "true",
+    "⊥": "false",
+    **dict.fromkeys("–—−", "-"),
     "\u00a0": " ",
     ";": ",",
     "$": "*",
@@ -33,18 +34,18 @@ _LEAVE_OUT = (
 )
 _RESPONSE = "write `{cause} -> eventually[…] {effect}` for an effect that comes within that bound"
 WORDS = {
-    **dict.fromkeys(("globally", "G", "AG", "alw", "[]"), _LEAVE_OUT),
-    **dict.fromkeys(("finally", "F", "AF", "ev", "<>", "~>", "|->", "leads_to", "leadsto"), _RESPONSE),
+    **dict.fromkeys(("globally", "G", "AG", "alw", "[]", *"□◻⬜"), _LEAVE_OUT),
+    **dict.fromkeys(("finally", "F", "AF", "ev", "<>", "~>", "|->", "leads_to", "leadsto", *"◇◊⋄⬦"), _RESPONSE),
     **dict.fromkeys(
         ("EF", "EG", "EX", "AU", "EU"), "a formula is about the one run that is there, and not about several"
     ),
-    "U": "write `{start} -> {held} until[…] {stop}`",
+    **dict.fromkeys(("U", "𝒰", "𝓤"), "write `{start} -> {held} until[…] {stop}`"),
     **dict.fromkeys(
         ("W", "R", "unless", "release"),
         "write it with `until`, as in `{start} -> {held} until {stop}`, or with `since`, as in "
         "`not {stop} since {start}`",
     ),
-    **dict.fromkeys(("X", "AX"), "write `next` for the step after, and `pre` for the one before"),
+    **dict.fromkeys(("X", "AX", *"○◯"), "write `next` for the step after, and `pre` for the one before"),
     **dict.fromkeys(("prev", "previous", "yesterday", "last"), "write `pre` for the step before"),
     **dict.fromkeys(
         ("rise", "rises", "rising", "changed", "start"), "write `{a} and not pre {a}` for where it begins to hold"
@@ -57,7 +58,7 @@ WORDS = {
     ),
     **dict.fromkeys(("if", "when", "whenever", "then"), "write `{…} -> {…}`"),
     "iff": "write it out, as in `({a} -> {b}) and ({b} -> {a})`",
-    "xor": "write it out, as in `({a} or {b}) and not ({a} and {b})`",
+    **dict.fromkeys(("xor", "⊕"), "write it out, as in `({a} or {b}) and not ({a} and {b})`"),
     "never": "write `not`, which is asked at every step",
     **dict.fromkeys(("AND", "OR", "NOT", "IMPLIES", "ONCE", "HISTORICALLY", "SINCE", "FORALL", "EXISTS", "PRE"), ""),
     **dict.fromkeys(("all", "for_all"), "write `forall[x].`"),
