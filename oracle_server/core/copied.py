@@ -15,9 +15,17 @@ _SHORT = 3
 
 
 def asked_twice(spec: Spec) -> Iterator[SpecProblem]:
-    """Warnings of properties that differ from one before in their names alone."""
+    """Warnings of properties that differ from one before in their names alone; what is still to be written is none."""
     seen: dict[object, str] = {}
+    unwritten = {
+        name
+        for stream in spec.streams
+        for name, text in (stream.signals or {}).items()
+        if "todo" in text and stream.read(text).unwritten
+    }
     for i, prop in enumerate(spec.properties):
+        if unwritten & {c.key for atom in prop.atoms for c in atom.constraints}:
+            continue
         first = seen.setdefault(_key(prop), prop.id)
         if first != prop.id:
             message = f"'{prop.id}' asks just what '{first}' does; change what was to be another, or leave it out"
