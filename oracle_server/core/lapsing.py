@@ -1,4 +1,7 @@
-"""Scopes and conditions of sentences that are taken to last, and do not: other streams' events lack their signals."""
+"""What is taken to last, and does not, since other streams' events lack its signals.
+
+That is the scopes and conditions of sentences, and what `pre` asks of the step before, which may be of any stream.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,21 @@ from collections.abc import Iterator, Sequence
 
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import And, Atom, Exists, Forall, Formula, Implies, Not, Or, Position, atoms, walk
-from oracle_server.core.kinds import ACTION, OWN, RESERVED
+from oracle_server.core.formula.tree import (
+    And,
+    Atom,
+    Exists,
+    Forall,
+    Formula,
+    Implies,
+    Not,
+    Or,
+    Position,
+    Pre,
+    atoms,
+    walk,
+)
+from oracle_server.core.kinds import ACTION, NAMING, OWN, RESERVED
 from oracle_server.core.lacks import quoted, whose
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
@@ -16,12 +32,42 @@ from oracle_server.core.withholding import present
 
 
 def lapsing(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
-    """Warnings about sentences of a spec without errors, whose messages have these types."""
+    """Warnings about properties of a spec without errors, whose messages have these types."""
     for i, prop in enumerate(spec.properties):
-        where = [p for p in places(spec, prop.time, types) if p.stream is not None] if prop.states else []
-        for state in prop.states:
-            for message, at in _lapses(prop, state, where):
-                yield SpecProblem(("properties", i, "formula"), message, at, severity="warning")
+        before = list(_asked_of_the_step_before(prop))
+        asked = prop.states or before
+        where = [p for p in places(spec, prop.time, types) if p.stream is not None] if asked else []
+        found = [said for state in prop.states for said in _lapses(prop, state, where)]
+        found += [said for state in before for said in _differs(prop, state, where)]
+        for message, at in found:
+            yield SpecProblem(("properties", i, "formula"), message, at, severity="warning")
+
+
+def _asked_of_the_step_before(prop: Property) -> Iterator[Formula]:
+    """What stands behind `pre` in a formula, where that looks at the step before alone."""
+    if prop.says == "formula" and not (prop.external or prop.numeric):
+        for node in walk(prop.formula):
+            if isinstance(node, Pre) and _is_single(node.operand):
+                yield node.operand
+
+
+def _differs(prop: Property, state: Formula, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
+    """What is said, once, of what is asked of the step before: where events of other streams decide it as they come."""
+    open_ = [p for p in where if present(state, p.value) is None]
+    for atom in atoms(state):
+        named = any(c.key not in NAMING for c in atom.constraints)
+        other = [p for p in where if p not in open_ and (p.lacks(atom) if p.allows(atom) else named)]
+        if open_ and other:
+            keys = sorted({key for place in other for key in place.lacks(atom)} - RESERVED)
+            mends = [_mend(where, other, keys)] if keys else []
+            mends += [] if all(p.allows(atom) for p in other) else [f"leave the stream out of `{render(atom)}`"]
+            yield (
+                f"formula of '{prop.id}': `pre` asks of the step before, which may be a message of any stream: "
+                f"`{render(state)}` {'holds' if present(state, other[0].value) else 'is false'} at every event of "
+                f"{names_of(other)}, whatever was said last; {', and '.join(mends)}",
+                atom.at,
+            )
+            return
 
 
 def _lapses(prop: Property, state: Formula, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:
@@ -53,6 +99,10 @@ def _mend(where: Sequence[Place], lacking: Sequence[Place], keys: Sequence[str])
 
 def _is_of_one_message(formula: Formula, place: Place) -> bool:
     """Whether a formula is about single messages of a stream, which have all that it reads: nothing needs to last."""
-    single = all(isinstance(node, Atom | Not | And | Or | Implies | Forall | Exists) for node in walk(formula))
     keys = {c.key for atom in atoms(formula) for c in atom.constraints}
-    return single and keys <= place.own.keys() | RESERVED
+    return _is_single(formula) and keys <= place.own.keys() | RESERVED
+
+
+def _is_single(formula: Formula) -> bool:
+    """Whether a formula looks at one step alone."""
+    return all(isinstance(node, Atom | Not | And | Or | Implies | Forall | Exists) for node in walk(formula))

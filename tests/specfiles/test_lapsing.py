@@ -85,3 +85,41 @@ def test_the_mend_has_the_requirement_broken(hold: str, violations: int) -> None
     session.finish(20 * second)
     (state,) = session.judges["publication"].told.properties
     assert state.violations == violations
+
+
+def before(formula: str, hold: str = "[]") -> list[str]:
+    found = parse_spec(SPEC.replace("SENTENCE", f"formula: '{formula}'").replace("HOLD", hold), "s.yaml").warnings
+    return [each.message for each in found if "`pre` asks of the step before" in each.message]
+
+
+@pytest.mark.parametrize(
+    ("formula", "verb"),
+    [
+        ("not ({mode: AUTO} and pre {mode: FAULT})", "is false"),
+        ("{mode: AUTO} and pre not {mode: AUTO} -> {speed < 1}", "holds"),
+        ("forall[x, y]. {speed: *x} and pre {speed: *y} -> *x <= *y", "is false"),
+    ],
+)
+def test_what_another_streams_message_hides_from_pre_is_told_of(formula: str, verb: str) -> None:
+    (found,) = before(formula)
+    assert f"{verb} at every event of /ready and /odom, whatever was said last; only /mode has `" in found
+    assert found.endswith("under `hold` of /mode, so that it keeps its value")
+    assert before(formula, "[mode, speed]") == []
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "{topic: /mode} -> pre {topic: /odom}",
+        "{ready} and not pre {ready} -> {v < 1}",
+        "{mode: AUTO} -> pre once {mode: IDLE}",
+        "{mode: AUTO} -> pre ({ready} or not {ready})",
+    ],
+)
+def test_what_pre_asks_of_any_step_is_not(formula: str) -> None:
+    assert before(formula) == []
+
+
+def test_pre_of_a_streams_own_message_is_told_of_where_the_signal_is_held_too() -> None:
+    (found,) = before("{topic: /mode, mode: AUTO} -> pre {topic: /mode, mode: IDLE}", "[mode]")
+    assert found.endswith('whatever was said last; leave the stream out of `{topic: "/mode", mode: "IDLE"}`')
