@@ -37,6 +37,7 @@ from oracle_server.core.mingled import mingled
 from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.opening import always_before, at_the_beginning, ever, ever_before
+from oracle_server.core.putright import put_right
 from oracle_server.core.ros import odd_names, twins_left_open
 from oracle_server.core.silence import unseen_silence
 from oracle_server.core.spec import Spec, StreamSpec
@@ -103,6 +104,7 @@ def inspect(
         *gaps(spec, known),
         *namesakes(spec, known),
         *mingled(spec, known),
+        *put_right(spec),
         *(problem for problem in lapsing(spec, known) if (problem.path, problem.within) not in told),
         *vacuity,
     ]
