@@ -8,7 +8,7 @@ from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
 from oracle_server.core.formula.breach import breach
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import TRUE, Always, atoms, walk
+from oracle_server.core.formula.tree import TRUE, Always, And, Formula, atoms, lasted, walk
 from oracle_server.core.lacks import quoted
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.withholding import lasting, present, stays
@@ -22,8 +22,8 @@ def awaited(spec: Spec) -> Iterator[SpecProblem]:
             yield from _idle(i, prop)
             continue
         yield from _guards(i, prop, found)
-        yield from _trigger(i, prop, found)
-        yield from _asks_again(spec, i, prop, found)
+        anywhere = list(_trigger(i, prop, found))
+        yield from anywhere or _asks_again(spec, i, prop, found)
         yield from _endless(i, prop, found)
 
 
@@ -82,7 +82,7 @@ def _asks_again(spec: Spec, i: int, prop: Property, found: Obligation) -> Iterat
     trigger, kept = found.trigger, lasting(spec) - {each.name for each in spec.derive if each.changes}
     if trigger is None or prop.says == "requirement" or len(spec.streams) == 1 or not _beyond_always(found):
         return
-    if not stays(trigger, kept):
+    if not stays(_of_now(trigger), kept):
         return
     names = sorted({c.key for atom in atoms(trigger) for c in atom.constraints} & kept)
     owner = next((stream.name for stream in spec.streams if stream.hold.intersection(names)), None)
@@ -93,6 +93,14 @@ def _asks_again(spec: Spec, i: int, prop: Property, found: Obligation) -> Iterat
         f"each time; write it {event}where it begins, as in `{{on}} and not pre {{on}}`"
     )
     yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def _of_now(trigger: Formula) -> Formula:
+    """A trigger without the `lasting` before what must hold now, too: once that has lasted, it comes again as well."""
+    if isinstance(trigger, And):
+        return And(_of_now(trigger.left), _of_now(trigger.right))
+    since = lasted(trigger)
+    return trigger if since is None else since[0]
 
 
 def _endless(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
