@@ -34,6 +34,7 @@ from oracle_server.core.kinds import OWN
 from oracle_server.core.lapsing import lapsing
 from oracle_server.core.lingering import lingers
 from oracle_server.core.mingled import mingled
+from oracle_server.core.moved import moved_on
 from oracle_server.core.namesakes import namesakes
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.opening import always_before, at_the_beginning, ever, ever_before
@@ -105,6 +106,7 @@ def inspect(
         *namesakes(spec, known),
         *mingled(spec, known),
         *put_right(spec),
+        *moved_on(spec, known),
         *(problem for problem in lapsing(spec, known) if (problem.path, problem.within) not in told),
         *vacuity,
     ]

@@ -351,7 +351,22 @@ WITHIN = "forall[g]. {goal: *g} -> eventually[:10s] {done: *g}"
             "{c}: held at step 3 (3.000 s); eventually[:1] {d}: asked for at step 3 (3.000 s); none in steps 3\u20134",
         ),
         (
-            "{a} -> next next (next {b} and {c})", "steps", [{"a": True}, {}, {}], "it can't hold any more",
+            "{a} -> next next (next {b} and {c})", "steps", [{"a": True}, {}, {}],
+            "it can't hold any more; {c}: `c` is absent, at step 3 (3.000 s)",
+        ),
+        (
+            "{a} -> eventually[:1s] {b} and eventually[:9s] {c}", "seconds", [{"a": True}, {}, {}],
+            "it can't hold any more; eventually[:1s] {b}: asked for at step 1 (1.000 s), /a (topic 1 of m), "
+            "1.000000001s ago; at none of 2 steps within 1s",
+        ),
+        (
+            "{a} -> eventually[:3] {b} and always[:3] {c}", "steps", [{"a": True, "c": True}, {}],
+            "it can't hold any more; {c}: `c` is absent, at step 2 (2.000 s)",
+        ),
+        (
+            "{a} -> eventually[:1] {b} or {c}", "steps", [{"a": True}, {}],
+            "it can't hold any more; eventually[:1] {b}: asked for at step 1 (1.000 s); none in steps 1\u20132; "
+            "{c}: `c` is absent, at step 1 (1.000 s)",
         ),
     ],
 )  # fmt: skip

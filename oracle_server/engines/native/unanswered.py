@@ -121,6 +121,8 @@ class _Telling:
         part = Part(self._found.goal, self._found.goal_path, scope, values)
         if self._unmet is not None and not self._owed.ended and self._unmet.knows(failed.start, failed.event):
             unmet = self._unmet.within(part, failed.start[1])
+            if isinstance(self._found.goal, tree.And | tree.Or) or _looks_on(self._found.goal):
+                unmet = self._unmet.failed(part, failed.start[1])
             if unmet:
                 return unmet
         if self._reasons is None:
@@ -131,3 +133,8 @@ class _Telling:
             case tree.Until(left, right, bound) if not looks_ahead(left) and not looks_ahead(right):
                 return () if self._is_over(failed, bound) else tuple(self._reasons(part.child(left)))
         return ()
+
+
+def _looks_on(goal: Formula) -> bool:
+    """Whether what is awaited of the step after waits itself."""
+    return isinstance(goal, tree.Next) and looks_ahead(goal.operand)

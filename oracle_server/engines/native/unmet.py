@@ -40,6 +40,35 @@ class Unmet:
             return (self._explainer.stood(now, window, holds=False),)
         return self._explainer.stood(now, held, holds=True), self._awaited(later, held[-1])
 
+    def failed(self, part: Part, step: int) -> tuple[Reason, ...]:
+        """Which parts are known to be false about a step, of several that are joined by `and` or `or`."""
+        match part.formula:
+            case tree.And(left, right) | tree.Or(left, right):
+                return (*self.failed(part.child(left), step), *self.failed(part.child(right, 1), step))
+            case tree.Next(operand):
+                return self.failed(part.child(operand), step + 1) if step < self._upto else ()
+            case tree.Eventually(operand, bound) if not looks_ahead(operand):
+                none = self._is_over(step, bound) and self._held(part.child(operand), self._window(step, bound)) == []
+                return (self._awaited(part, step),) if none else ()
+            case tree.Always(operand, bound) if not looks_ahead(operand):
+                return self._broken(part.child(operand), self._window(step, bound))
+            case formula if not looks_ahead(formula):
+                return self._broken(part, [step])
+        return ()
+
+    def _broken(self, part: Part, steps: list[int]) -> tuple[Reason, ...]:
+        """The first of some steps at which a part did not hold."""
+        held = self._held(part, steps)
+        missed = next((step for step in steps if held is not None and step not in held), None)
+        return () if missed is None else (self._explainer.stood(part, [missed], holds=False),)
+
+    def _is_over(self, step: int, bound: Bound) -> bool:
+        """Whether no step that comes is within a bound of this one."""
+        if bound.upper is None:
+            return False
+        now, end = self._recall.time(self._recall.last), self._recall.time(step) + bound.upper
+        return now > end if self._wording.is_timed else now >= end
+
     def _awaited(self, part: Part, step: int) -> Reason:
         """That what was awaited from a step on, and is false about it, has not come."""
         text = f"asked for {self._wording.at([self._recall.time(step)], [step])}; "
