@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
+from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, looks_ahead, obligation, unbounded
 from oracle_server.core.formula.breach import breach
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import TRUE, Always, And, Formula, atoms, lasted, walk
+from oracle_server.core.formula.tree import TRUE, Always, And, Formula, Or, Until, atoms, lasted, walk
 from oracle_server.core.lacks import quoted
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.withholding import lasting, present, stays
@@ -25,6 +26,7 @@ def awaited(spec: Spec) -> Iterator[SpecProblem]:
         anywhere = list(_trigger(i, prop, found))
         yield from anywhere or _asks_again(spec, i, prop, found)
         yield from _endless(i, prop, found)
+        yield from _reaching(i, prop, found)
 
 
 def waits(prop: Property) -> bool:
@@ -117,3 +119,23 @@ def _endless(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]
         "`at_end: violated`"
     )
     yield SpecProblem(("properties", i, "formula"), message, endless.at, severity="warning", kind="vacuous")
+
+
+def _reaching(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
+    """What stands behind a waiting operator, is not within it, and so is asked of the step that asks."""
+    for node in walk(found.goal) if prop.says == "formula" else ():
+        if not (isinstance(node, And | Or) and isinstance(node.left, Ahead)) or looks_ahead(node.right):
+            continue
+        waiting, joined = node.left, type(node)
+        if isinstance(waiting, Until):
+            reached, mend = waiting.right, replace(waiting, right=joined(waiting.right, node.right), written=None)
+        else:
+            reached, mend = waiting.operand, replace(waiting, operand=joined(waiting.operand, node.right), written=None)
+        word, other = WORDS[type(waiting)], render(node.right, prop.time)
+        message = (
+            f"formula of '{prop.id}': `{word}` reaches no further than `{render(reached, prop.time)}`, so that "
+            f"`{other}` is asked of the step that asks; write `{render(mend, prop.time)}`, or "
+            f"`{other} {'and' if joined is And else 'or'} {word} …` where that is meant"
+        )
+        place = min((atom.at for atom in atoms(node.right)), default=None)
+        yield SpecProblem(("properties", i, "formula"), message, place, severity="warning")

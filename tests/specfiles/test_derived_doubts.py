@@ -60,6 +60,7 @@ MACHINE = "{start: a, states: {a: {up: b}, b: {down: a}}}"
         ("{sequence: up down, by: [user, mode], forget: 1h}", "up: '{n: 1, mode: A}', down: '{on, mode: B}'",
          "no event of it makes a machine: none has all of `user` and `mode`; only /pay has `user`"),
         ("{follows: n, states: {'1.0': ['2'], '2': ['1.0']}}", "up: '{on}'", "no value of `n` is the state '1.0'"),
+        ("{mean: n, over: 1}", "up: '{on}'", "the last sample alone is `n` itself; write `over: 1s`"),
         ("n - amount", "up: '{on}'", "it is never there: only /n has `n`; name it under `hold` of /n"),
         ("{start: a, states: {a: {up: b}, b: {}, error: {up: a, within: 3s}}}", "up: '{on}'",
          "`within` of 'error' is never told of: `machine: m` is violated as long as the machine is there"),

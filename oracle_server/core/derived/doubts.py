@@ -58,12 +58,18 @@ def doubtful_derived(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             yield _warning(definition, path, message, at_part)
         for message, variable_at in for_each(definition):
             yield _warning(definition, path, message, variable_at)
-        for message in (*_of_rows(definition, where), *_across_rows(definition, spec)):
+        for message in (*_of_rows(definition, where), *_across_rows(definition, spec), *_of_one(definition)):
             yield _warning(definition, path, message, None)
         if definition.op == "follows":
             yield from _unfollowed(definition, where)
     yield from _across_streams(spec)
     yield from _less_than_one(spec)
+
+
+def _of_one(definition: Definition) -> Iterator[str]:
+    """A window of one sample, where a second was mostly meant."""
+    if definition.counted and definition.over == 1 and definition.op in ("sum", "mean", "min", "max"):
+        yield f"the last sample alone is `{definition.of}` itself; write `over: 1s`, or more samples, as `over: 20`"
 
 
 def _doubts(formula: Formula, where: Sequence[Place]) -> Iterator[tuple[str, Position]]:

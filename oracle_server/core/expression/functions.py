@@ -75,7 +75,10 @@ OF_NUMBERS = {"max": largest, "min": smallest}
 """What the functions of any number of arguments do with their list."""
 
 _LIST = "write `msg.list.{}(x, x > 0)`"
-_NO_TIMES = "expressions have no times and durations; compare the numbers, as in msg.header.stamp.sec"
+_NO_TIMES = (
+    "expressions have no times and durations; compare the numbers, as in "
+    "msg.header.stamp.sec + msg.header.stamp.nanosec / 1e9"
+)
 _NO_BYTES = "expressions have no bytes; in a message they are a text in base64"
 _NO_SUCH = "there is none in expressions: let a node compute it, and observe the topic that has the result"
 _BY_NAME = (

@@ -124,6 +124,10 @@ def _of_sign(found: Around) -> str:
     mark, before = found.next(), found.last()
     if before == ":" and mark == "=":
         return "there is no `:=`: write `:`"
+    if before == ":" and mark in ("<", "<=", ">", ">=", "!="):
+        return f"there is no `: {mark}`: write `{found.last(2)} {mark} {found.next(1)}`"
+    if mark == "[" and before in (":", "=", "=="):
+        return f"there are no lists in atoms: write `{{{found.last(2)}: A}} or {{{found.last(2)}: B}}`"
     if before == "=" and mark in ("!", "<"):
         return f"there is no `={mark}`: write `{mark}=`"
     return ""
@@ -172,7 +176,10 @@ def _of_beginning(found: Around) -> str:
     if found.last() not in ("{", ",") or found.kind() != "number":
         return ""
     turned = TURNED.get(found.next(1), found.next(1))
-    mend = f"{found.next(2)} {turned} {mark}" if found.next(2).isidentifier() else f"speed > {mark}"
+    signal = found.next(2)
+    mend = f"{signal} {turned} {mark}" if signal.isidentifier() else f"speed > {mark}"
+    if signal.isidentifier() and found.next(3) in ("<", "<=", ">", ">=") and found.next(4):
+        mend += f", {signal} {found.next(3)} {found.next(4)}"
     return f"a constraint begins with the signal: write `{{{mend}}}`"
 
 
