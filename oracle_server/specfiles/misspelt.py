@@ -113,7 +113,10 @@ def _of_bracket(lines: Sequence[str], reason: str, at: Mark, begun: Mark) -> tup
     if closing is None:
         return None
     if at.line == begun.line:
-        return f"a `,` or `{closing[1]}` is missing before this; a text with brackets or `,` in it stands in quotes", at
+        return (
+            f"a `,` or `{closing[1]}` is missing before this; a text with brackets, `,` or `: ` in it stands in quotes",
+            at,
+        )
     return f"the `{_char(lines, begun)}` that begins here is not closed by `{closing[1]}`", begun
 
 

@@ -132,6 +132,8 @@ def test_a_sentence_stands_for_a_formula(line: str, time: str, formula: str) -> 
         ("pattern: 'never /goal'", "15: pattern of 'p': `never` is not understood: "),
         ("requirement: the robot shall witin 5 steps satisfy docking",
          "34: requirement of 'p': behind `shall` stands `satisfy`"),
+        ("requirement: the robot shall satisfy low ∧ docking",
+         "46: requirement of 'p': '∧' is no sign of a sentence; write `and`"),
         ("requirement: only in auto the robot shall satisfy docking",
          "18: requirement of 'p': `only` is not taken: it asks that the opposite holds elsewhere"),
         ("requirement: the robot shall finally satisfy docking", "34: requirement of 'p': `finally` is about the last"),

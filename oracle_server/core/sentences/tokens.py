@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from oracle_server.core.errors import FormulaError
+from oracle_server.core.formula.foreign import SYMBOLS
 from oracle_server.core.formula.tree import Position
 
 _PIECE = re.compile(
@@ -79,4 +80,5 @@ def _strange(char: str) -> str:
         return f"this `{char}` closes nothing"
     if char in "\"'":
         return 'a text in quotes stands in an atom\'s braces, as in `{mode: "AUTO"}`'
-    return f"{char!r} is no sign of a sentence"
+    word = SYMBOLS.get(char, "")
+    return f"{char!r} is no sign of a sentence{f'; write `{word}`' if word in ('and', 'or', 'not') else ''}"
