@@ -127,10 +127,8 @@ def _reaching(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem
         if not (isinstance(node, And | Or) and isinstance(node.left, Ahead)) or looks_ahead(node.right):
             continue
         waiting, joined = node.left, type(node)
-        if isinstance(waiting, Until):
-            reached, mend = waiting.right, replace(waiting, right=joined(waiting.right, node.right), written=None)
-        else:
-            reached, mend = waiting.operand, replace(waiting, operand=joined(waiting.operand, node.right), written=None)
+        reached = waiting.right if isinstance(waiting, Until) else waiting.operand
+        mend = _reaching_to(waiting, joined(reached, node.right))
         word, other = WORDS[type(waiting)], render(node.right, prop.time)
         message = (
             f"formula of '{prop.id}': `{word}` reaches no further than `{render(reached, prop.time)}`, so that "
@@ -139,3 +137,10 @@ def _reaching(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem
         )
         place = min((atom.at for atom in atoms(node.right)), default=None)
         yield SpecProblem(("properties", i, "formula"), message, place, severity="warning")
+
+
+def _reaching_to(waiting: Ahead, reached: Formula) -> Formula:
+    """What waits, with something else in the place of what comes."""
+    if isinstance(waiting, Until):
+        return replace(waiting, right=reached, written=None)
+    return replace(waiting, operand=reached, written=None)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import islice
+
 from oracle_server.core.explanation import Reason
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import looks_ahead
@@ -12,6 +15,9 @@ from oracle_server.engines.native.parts import Part
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.waiting import Moment
 from oracle_server.engines.native.wording import Wording, duration
+
+_MOST = 20
+"""Most parts that are joined, and looked at."""
 
 
 class Unmet:
@@ -42,11 +48,24 @@ class Unmet:
 
     def failed(self, part: Part, step: int) -> tuple[Reason, ...]:
         """Which parts are known to be false about a step, of several that are joined by `and` or `or`."""
+        alone = islice(self._alone(part, step), _MOST)
+        return tuple(reason for each, at in alone for reason in self._false(each, at))
+
+    def _alone(self, part: Part, step: int) -> Iterator[tuple[Part, int]]:
+        """The parts that are joined, each with the step about which it is asked."""
         match part.formula:
             case tree.And(left, right) | tree.Or(left, right):
-                return (*self.failed(part.child(left), step), *self.failed(part.child(right, 1), step))
+                yield from self._alone(part.child(left), step)
+                yield from self._alone(part.child(right, 1), step)
             case tree.Next(operand):
-                return self.failed(part.child(operand), step + 1) if step < self._upto else ()
+                if step < self._upto:
+                    yield from self._alone(part.child(operand), step + 1)
+            case _:
+                yield part, step
+
+    def _false(self, part: Part, step: int) -> tuple[Reason, ...]:
+        """That a part is false about a step, where that is known."""
+        match part.formula:
             case tree.Eventually(operand, bound) if not looks_ahead(operand):
                 none = self._is_over(step, bound) and self._held(part.child(operand), self._window(step, bound)) == []
                 return (self._awaited(part, step),) if none else ()
