@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import (
     And,
@@ -33,10 +34,13 @@ from oracle_server.core.withholding import present
 
 def lapsing(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about properties of a spec without errors, whose messages have these types."""
+    known: dict[Time, list[Place]] = {}
     for i, prop in enumerate(spec.properties):
         before = list(_asked_of_the_step_before(prop))
         asked = prop.states or before
-        where = [p for p in places(spec, prop.time, types) if p.stream is not None] if asked else []
+        if asked and prop.time not in known:
+            known[prop.time] = [p for p in places(spec, prop.time, types) if p.stream is not None]
+        where = known[prop.time] if asked else []
         found = [said for state in prop.states for said in _lapses(prop, state, where)]
         found += [said for state in before for said in _differs(prop, state, where)]
         for message, at in found:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import And, Atom, Constraint, Formula, Implies, Not, Or, Position, walk
 from oracle_server.core.machines.table import Table
@@ -20,11 +21,14 @@ _MOST = 50
 
 def moved_on(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about properties of a spec without errors, whose messages have these types."""
+    known: dict[Time, list[Place]] = {}
     machines = [each for each in spec.derive if each.table is not None and each.op == "states"]
     for i, prop in enumerate(spec.properties if machines else ()):
         if prop.says == "machine" or prop.external or prop.numeric:
             continue
-        where = places(spec, prop.time, types)
+        if prop.time not in known:
+            known[prop.time] = places(spec, prop.time, types)
+        where = known[prop.time]
         for message, at in dict.fromkeys(_told(prop, machines, where)):
             yield SpecProblem(("properties", i, "formula"), message, at, severity="warning", kind="vacuous")
 
