@@ -68,7 +68,7 @@ class Conclusion:
 def conclude(replay: Replay) -> Conclusion:
     """The conclusion of a replay that has ended."""
     coverage = replay.coverage
-    notes = [*replay.recording.notes, *replay.delays.notes()]
+    notes = [*replay.recording.notes, *replay.delays.notes(clocked=replay.recording.clocked)]
     unusable = [note.text for note in notes if note.unusable]
     unusable += _misfits(replay.spec, coverage)
     if not replay.events and not unusable:

@@ -10,6 +10,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.kinds import TICK
 from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.verdicts import Judged
+from oracle_server.replay.aged import FAR, Aged
 from oracle_server.replay.recording import Note, part_of
 
 _HANDFUL = 5
@@ -22,8 +23,6 @@ _SIMULATED = (
     "; where the stamps are in a simulation's time, and those of the recording are not, `--by arrival` judges by the "
     "recording's alone; `ros2 bag record --use-sim-time` has both in the simulation's"
 )
-_FAR = 60 * SECOND
-"""No message that is on its way for so long is like the others: its clock was set, or is another one."""
 DAY = 86_400 * SECOND
 """For so long no message is on its way: then one of the two clocks is another one, as in a simulation."""
 
@@ -50,6 +49,7 @@ class Delays:
         self._events: Counter[StreamKey] = Counter()
         self._late, self._placed, self._skewed, self._overtaken = (_Displaced() for _ in range(4))
         self._present = self._deadline = 0
+        self._aged = Aged()
 
     def note(self, judged: Judged) -> None:
         """Note a judged step."""
@@ -67,12 +67,19 @@ class Delays:
         if step.late:
             found = self._late if judged.place is None else self._placed
             found.add(stream, self._present - step.time)
-        elif step.time < self._deadline:
-            self._overtaken.add(stream, step.event.arrived - step.time)
+        else:
+            self._aged.look(judged)
+            if step.time < self._deadline:
+                self._overtaken.add(stream, step.event.arrived - step.time)
         self._present = max(self._present, step.time)
 
-    def notes(self) -> Iterator[Note]:
-        """What is to be said of each stream; a doubt where most of its events are not in their place, or are far."""
+    def notes(self, *, clocked: bool = True) -> Iterator[Note]:
+        """What is to be said of each stream; a doubt where most of its events are not in their place, or are far.
+
+        `clocked` is whether the recording has times of arrival.
+        """
+        told = {stream for found in (self._late, self._placed) for stream, by in found.most.items() if by > FAR}
+        yield from self._aged.notes(self._events, told) if clocked else ()
         for stream, events in self._events.items():
             for found, before, after in (
                 (self._late, *_LATE), (self._skewed, *_SKEWED), (self._overtaken, *_OVERTAKEN),
@@ -82,7 +89,7 @@ class Delays:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
                     text += self._own_time(stream, found) if found.most[stream] > DAY else ""
-                    many = _HANDFUL if found.most[stream] > _FAR else max(_HANDFUL, events // 2)
+                    many = _HANDFUL if found.most[stream] > FAR else max(_HANDFUL, events // 2)
                     yield Note(text, doubt=count > many)
             count = self._placed.count[stream]
             if count:

@@ -52,6 +52,21 @@ def test_a_stream_that_is_late_is_said(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("arrived", [True, False])
+def test_a_message_that_is_stamped_long_before_a_recording_begins_is_said(tmp_path: Path, *, arrived: bool) -> None:
+    """It is not late, as nothing was judged before it: an hour passes behind it, in which nothing was recorded."""
+    path = tmp_path / "trace.jsonl"
+    stamps = [BASE - 3_600_000 * MS, *(BASE + n * 100 * MS for n in range(1, 20))]
+    lines = [{"stream": "/scan", "stamp": stamp, "data": {}} for stamp in stamps]
+    if arrived:
+        lines = [{**line, "arrived": BASE + n * 100 * MS} for n, line in enumerate(lines)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    spec = write_spec(tmp_path, SPEC.format(ordering="", scan="") + "  - {id: often, pattern: /scan every 1s}\n")
+    found = judge(spec, path)
+    said = "3600.1 s before what was judged next, and arrived within 0.1 s of that: deadlines between these times ran"
+    assert (said in found.said, found.summary["properties"]["often"]["violations"]) == (arrived, int(arrived))
+
+
 def test_a_stream_that_is_skewed_is_said(tmp_path: Path) -> None:
     found = judged(tmp_path, [5000] * 20)
     assert (found.exit, found.strict) == (0, 3)
