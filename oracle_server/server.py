@@ -97,6 +97,9 @@ def serve(settings: Settings) -> None:
             pid_file = PidFile(settings.data_dir)
             held.callback(pid_file.release)
         tokens = Tokens(settings.token_file)
+        if settings.tokens is not None and not tokens.required:
+            missing = str(settings.tokens)
+            log.warning("no token is asked for: the file that ORACLE_TOKENS names is not there", file=missing)
         _require_protection(settings, tokens)
         tls = _certificates(settings)
         _require_permission(settings, tokens)

@@ -52,7 +52,10 @@ def _nearest(value: object) -> str:
     if match[2].lower() in ("d", "day", "days") and number.isdigit():
         return f"; write {int(number) * 24}h"
     unit = UNITS.get(match[2].lower(), match[2].lower())
-    return f"; write {number}{unit}" if unit in NANOSECONDS else "; the units are ns, us, ms, s, min and h"
+    if unit not in NANOSECONDS:
+        return "; the units are ns, us, ms, s, min and h"
+    written = f"{number}{unit}"
+    return f"; write {written}" if written != value else "; it has at most 12 digits, and 9 behind the point"
 
 
 def size(value: object) -> int:

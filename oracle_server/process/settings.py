@@ -47,6 +47,16 @@ def _bound(value: str) -> str:
     return host
 
 
+def _named(value: object) -> object:
+    if isinstance(value, str) and not value.strip():  # it would be the working directory
+        raise ValueError("it is empty: leave it out, or name a file or folder")
+    return value
+
+
+Named = Annotated[Path, BeforeValidator(_named)]
+"""A path of a file or folder."""
+
+
 def _history(value: str) -> str:
     if value not in ("sqlite", "memory") and not value.startswith(POSTGRES):
         raise ValueError("write sqlite, memory, or postgresql://USER@HOST/DATABASE")
@@ -73,8 +83,8 @@ class Settings(BaseSettings):
 
     host: Annotated[str, AfterValidator(_bound)] = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8642
-    data_dir: Path = Field(default_factory=_data_dir)
-    specs: Path | None = None
+    data_dir: Named = Field(default_factory=_data_dir)
+    specs: Named | None = None
     types: str = ""
     """Folders with definitions of ROS types, by which specs are checked; several are separated as in PATH."""
     legacy: str | None = None
@@ -97,17 +107,17 @@ class Settings(BaseSettings):
     durability: Literal["full", "normal"] = "full"
     resume_within: Annotated[float, Field(gt=0, le=3600)] = 10.0
     log: Literal["console", "json"] = "console"
-    log_file: Path | None = None
+    log_file: Named | None = None
     """Where the log goes instead of standard error, with rotation."""
-    tokens: Path | None = None
+    tokens: Named | None = None
     """The file of the tokens' hashes; default `tokens.json` in the data directory."""
-    tls_cert: Path | None = None
-    tls_key: Path | None = None
-    tls_client_ca: Path | None = None
+    tls_cert: Named | None = None
+    tls_key: Named | None = None
+    tls_client_ca: Named | None = None
     """Clients must present a certificate that this authority signed."""
     read_only: bool = False
     """Whether to only read a history that another process of this machine writes, or wrote."""
-    unix: Path | None = None
+    unix: Named | None = None
     """A UNIX socket at which the server listens too."""
     insecure: bool = False
     """Whether to allow a bind beyond loopback without tokens or TLS."""
@@ -125,7 +135,7 @@ class Settings(BaseSettings):
     """The port at which sessions are offered to Foxglove as they go on, on the server's host."""
     foxglove_insecure: bool = False
     """Whether to offer them beyond loopback where clients of the server itself need a token or a certificate."""
-    alarms: Path | None = None
+    alarms: Named | None = None
     """A file that says who is told of violations."""
     max_recording: Annotated[int, BeforeValidator(size)] = Field("1GB", validate_default=True)
     """The size of a recording that clients may send to be judged, such as `500MB`; parsed to bytes."""

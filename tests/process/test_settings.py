@@ -43,6 +43,15 @@ def test_what_is_wrong_is_told_by_the_name_it_was_given_by(monkeypatch: pytest.M
         load_settings(data_dir=tmp_path, forward="mysql://centre")
 
 
+def test_an_empty_path_is_not_the_working_directory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `ORACLE_DATA_DIR=` of a file of settings has it: the history was written wherever the server was started."""
+    for name in ("DATA_DIR", "SPECS", "LOG_FILE", "TOKENS", "TLS_CERT", "TLS_CLIENT_CA", "UNIX", "ALARMS"):
+        with monkeypatch.context() as context:
+            context.setenv(f"ORACLE_{name}", " ")
+            with pytest.raises(SettingsError, match=rf"^ORACLE_{name}: it is empty: leave it out"):
+                load_settings()
+
+
 def test_a_host_is_a_name_or_an_address_alone() -> None:
     """Of `[::1]` it was said that others could reach the server there, and that tokens and TLS were missing."""
     assert [load_settings(host=host).host for host in ("[::1]", "::", "localhost ")] == ["::1", "::", "localhost"]

@@ -253,6 +253,16 @@ def test_where_no_server_knows_of_a_token_is_told(tmp_path: Path) -> None:
     assert added.stderr.startswith(f"oracle-server: kept in {tmp_path / 'tokens.json'}, for a server with this data ")
 
 
+def test_a_file_of_tokens_that_is_not_there_is_told(tmp_path: Path) -> None:
+    """A server behind a proxy, whose file of tokens is misspelt or not mounted, lets everybody in."""
+    refused = ("serve", "--data-dir", tmp_path, "--host", "192.0.2.1")
+    said = [run(*refused, **given).stderr for given in ({}, {"ORACLE_TOKENS": str(tmp_path / "tokns.json")})]
+    assert ["no token is asked for: the file that ORACLE_TOKENS names is not there" in text for text in said] == [
+        False,
+        True,
+    ]
+
+
 def test_tokens_come_and_go_while_the_server_runs(guarded: Guarded) -> None:
     data = guarded.server.data
     added = run("token", "add", "late", "--scope", "read", "--data-dir", data)
