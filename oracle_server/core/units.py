@@ -28,6 +28,13 @@ def duration(value: object) -> int:
     return int(exact)
 
 
+def kept(bound: int) -> int:
+    """A bound on what is kept, which is none where it is 0, as other limits are. Raises ValueError for that."""
+    if bound == 0:
+        raise ValueError("nothing would be kept; leave it out where all is to be")
+    return bound
+
+
 def span(nanoseconds: int) -> str:
     """A duration as it is written, in the largest unit up to seconds that has no fraction."""
     for unit in ("s", "ms", "us"):

@@ -12,7 +12,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from oracle_server.core.errors import OracleError
 from oracle_server.core.nearest import near
-from oracle_server.core.units import duration, size
+from oracle_server.core.units import duration, kept, size
 
 TOKEN_FILE = "tokens.json"  # noqa: S105 -- the name of a file
 _PREFIX = "ORACLE_"
@@ -123,11 +123,11 @@ class Settings(BaseSettings):
     """Whether to allow a bind beyond loopback without tokens or TLS."""
     allowed_hosts: str = ""
     """Host names of the server, separated by commas, besides its address and the names of loopback."""
-    retain_age: Annotated[int, BeforeValidator(duration)] | None = None
+    retain_age: Annotated[int, BeforeValidator(duration), AfterValidator(kept)] | None = None
     """How long history is kept, such as `720h`; parsed to nanoseconds."""
     retain_events: Annotated[int, Field(ge=1)] | None = None
     """The most events in the history; those of closed sessions are deleted first, the oldest before others."""
-    retain_size: Annotated[int, BeforeValidator(size)] | None = None
+    retain_size: Annotated[int, BeforeValidator(size), AfterValidator(kept)] | None = None
     """The greatest size of the history, such as `2GB`; parsed to bytes."""
     retain_check: Annotated[float, Field(gt=0)] = 60.0
     """Seconds between two runs of the deletion of old history."""

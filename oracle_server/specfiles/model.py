@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -25,7 +26,7 @@ from pydantic import (
 from oracle_server.core.kinds import ACTION
 from oracle_server.core.spec import GAP, HORIZON, IDENTIFIER, LONGEST_HORIZON
 from oracle_server.core.stamps import Epoch, Unit
-from oracle_server.core.units import duration, size
+from oracle_server.core.units import duration, kept, size
 from oracle_server.engines.table import ENGINES
 
 
@@ -253,9 +254,9 @@ class PropertyModel(_Model):
 class RetentionModel(_Model):
     """`retention:`, the limits on the history of this spec's sessions."""
 
-    age: Duration | None = None
+    age: Annotated[Duration, AfterValidator(kept)] | None = None
     events: Annotated[StrictInt, Field(ge=1)] | None = None
-    size: Size | None = None
+    size: Annotated[Size, AfterValidator(kept)] | None = None
 
 
 class EpisodesModel(_Model):

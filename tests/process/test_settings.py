@@ -52,6 +52,15 @@ def test_an_empty_path_is_not_the_working_directory(monkeypatch: pytest.MonkeyPa
                 load_settings()
 
 
+def test_a_bound_on_the_history_is_not_0(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of other limits it means none, as of `ORACLE_MAX_RATE`: here all was deleted at once, violations too."""
+    for name, value in (("AGE", "0s"), ("SIZE", "0MB"), ("EVENTS", "0")):
+        with monkeypatch.context() as context:
+            context.setenv(f"ORACLE_RETAIN_{name}", value)
+            with pytest.raises(SettingsError, match=rf"^ORACLE_RETAIN_{name}: "):
+                load_settings()
+
+
 def test_a_host_is_a_name_or_an_address_alone() -> None:
     """Of `[::1]` it was said that others could reach the server there, and that tokens and TLS were missing."""
     assert [load_settings(host=host).host for host in ("[::1]", "::", "localhost ")] == ["::1", "::", "localhost"]
