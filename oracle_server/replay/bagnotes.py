@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from oracle_server.core.errors import one_line
 from oracle_server.core.units import counted
 from oracle_server.replay.folder import Files
+from oracle_server.replay.ownmetadata import files_of_its_bag
 from oracle_server.replay.recording import Note, part_of, passed_beside
 from oracle_server.replay.sources import Topic
 from oracle_server.replay.storage import Storage
@@ -20,6 +21,9 @@ _SEVERAL = 20
 def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage]) -> list[Note]:
     """Everything that is to be said of a bag that was read to its end."""
     found = [Note(one_line(text), doubt=True) for text in files.notes]
+    if len(storages) == 1 and not files.notes and (count := files_of_its_bag(storages[0])) > 1:
+        what = f"{files.paths[0].name}: is one of the {count} files of a bag, and the others were not judged"
+        found.append(Note(one_line(f"{what}: judge all together, as a folder or packed by tar"), doubt=True))
     for path, storage in zip(files.paths, storages, strict=True):
         damages = list(dict.fromkeys(storage.damages))
         found += [Note(one_line(f"{path.name}: {damage}"), doubt=True) for damage in damages[:_MOST]]

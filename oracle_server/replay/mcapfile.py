@@ -15,7 +15,7 @@ from oracle_server.replay.blocks import Block, InBlocks, decompress
 from oracle_server.replay.storage import LATEST, Channel, DamagedError, Message, is_lasting
 
 MAGIC = b"\x89MCAP0\r\n"
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 1, 2, 3, 4, 5, 6, 11
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS, _METADATA = 1, 2, 3, 4, 5, 6, 11, 12
 _NOTHING = 0
 """The kind of no record: what a disk had room for and not written yet, when the power went, is all zeros."""
 _RECORD = struct.Struct("<BQ")
@@ -39,6 +39,7 @@ class McapFile(InBlocks):
         self.path = path
         self.profile = ""
         self.damages: list[str] = []
+        self.described: list[str] = []
         self._ended_early = False
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._channels: dict[int, Channel] = {}
@@ -88,7 +89,7 @@ class McapFile(InBlocks):
                 self._blocks.append(Block(start, body, there, end=end or LATEST))
             if there < length or kind == _NOTHING:
                 break
-            if kind in (_HEADER, _SCHEMA, _CHANNEL, _STATISTICS) and length <= _LARGEST_NOTE:
+            if kind in (_HEADER, _SCHEMA, _CHANNEL, _STATISTICS, _METADATA) and length <= _LARGEST_NOTE:
                 self._file.seek(body)
                 channels = self._note(kind, self._file.read(length)) or channels
             ended = kind == _FOOTER
@@ -147,19 +148,10 @@ class McapFile(InBlocks):
                 if self._schemas.setdefault(_short(data, 0), told) != told:
                     self.damages.append(f"tells two types of schema {_short(data, 0)}, one of them {name}")
             elif kind == _CHANNEL:
-                number, schema = _short(data, 0), _short(data, 2)
-                topic, at = _string(data, 4)
-                serialization, at = _string(data, at)
-                about = _map(data, at)
-                lasts = is_lasting(about.get("offered_qos_profiles", ""), about.get("latching", ""))
-                channel = Channel(number, topic, "", serialization=serialization, lasts=lasts)
-                before = self._channels.setdefault(number, channel)
-                if before is channel:
-                    self._schema_of[number] = schema
-                elif before.topic != topic:  # as of files that were put together
-                    self.damages.append(f"tells two topics of channel {number}, {before.topic} and {topic}")
-                elif (self._schema_of[number], before.serialization) != (schema, serialization):
-                    self.damages.append(f"tells two types of channel {number}, {topic}")
+                self._note_channel(data)
+            elif kind == _METADATA:
+                name, at = _string(data, 0)
+                self.described += [_map(data, at).get("serialized_metadata", "")] if name == "rosbag2" else []
             elif kind == _STATISTICS:
                 at = _STATISTICS_HEAD.size + 4
                 pairs = struct.iter_unpack("<HQ", data[at : at + struct.unpack_from("<I", data, at - 4)[0]])
@@ -171,6 +163,21 @@ class McapFile(InBlocks):
         except (struct.error, UnicodeDecodeError):
             self.damages.append("has a record that can't be read")
         return None
+
+    def _note_channel(self, data: bytes) -> None:
+        number, schema = _short(data, 0), _short(data, 2)
+        topic, at = _string(data, 4)
+        serialization, at = _string(data, at)
+        about = _map(data, at)
+        lasts = is_lasting(about.get("offered_qos_profiles", ""), about.get("latching", ""))
+        channel = Channel(number, topic, "", serialization=serialization, lasts=lasts)
+        before = self._channels.setdefault(number, channel)
+        if before is channel:
+            self._schema_of[number] = schema
+        elif before.topic != topic:  # as of files that were put together
+            self.damages.append(f"tells two topics of channel {number}, {before.topic} and {topic}")
+        elif (self._schema_of[number], before.serialization) != (schema, serialization):
+            self.damages.append(f"tells two types of channel {number}, {topic}")
 
     def _in_block(self, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:
         try:

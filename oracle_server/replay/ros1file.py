@@ -26,6 +26,7 @@ class Ros1File(InBlocks):
         super().__init__()
         self.path = path
         self.damages: list[str] = []
+        self.described: list[str] = []
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
         self._ended_early = False

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from oracle_server.core.errors import TraceError
 from oracle_server.replay.scratch import NoRoomError, let_go, unpacking, write
-from oracle_server.replay.storage import Channel, Message, is_lasting
+from oracle_server.replay.storage import LARGEST, Channel, Message, is_lasting
 
 MAGIC = b"SQLite format 3\x00"
 LOG = "-wal"
@@ -39,6 +39,7 @@ class SqliteFile:
         try:
             self._database = self._open()
             self.channels = self._find_channels()
+            self.described = self._find_described()
         except (sqlite3.Error, UnicodeDecodeError) as error:
             self._stack.close()
             raise TraceError(f"{path}: can't be read as a bag in sqlite3: {error}") from None
@@ -98,6 +99,12 @@ class SqliteFile:
         if nameless:
             self.damages.append(f"has messages of topics that it does not name: {', '.join(nameless[:5])}")
         return found
+
+    def _find_described(self) -> list[str]:
+        if "metadata" not in self._columns("metadata"):
+            return []
+        query = f"SELECT metadata FROM metadata WHERE length(metadata) <= {LARGEST} LIMIT 100"  # noqa: S608
+        return [str(text) for (text,) in self._database.execute(query)]
 
     def _columns(self, table: str) -> set[str]:
         """The columns that a table stores: no recorder has others, and what computes them may never come to an end."""

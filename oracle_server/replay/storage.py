@@ -32,6 +32,8 @@ _LATCHED = frozenset({"1", "true"})
 """As ROS 1 writes it, and as MCAP's profile for ROS 1 has it."""
 LATEST = 2**63 - 1
 """The last time that there is (ns since the epoch)."""
+LARGEST = 2**20
+"""The most characters of metadata that are read."""
 Message = tuple[int, int, bytes, int, int]
 """The id of a channel, the time of recording (ns since the epoch), the message as it was sent, and when that was.
 
@@ -41,10 +43,12 @@ That is 0 where the file does not tell it. The last is its place in the file: gr
 class Storage(Protocol):
     """One file of messages.
 
-    `damages` says what of the file could not be read, and grows while it is.
+    `damages` says what of the file could not be read, and grows while it is. `described` is the metadata of its bag
+    that the file itself has, as of when the file was written: rosbag2 writes it there since Iron.
     """
 
     damages: list[str]
+    described: list[str]
 
     @property
     def channels(self) -> list[Channel]:
@@ -79,6 +83,7 @@ class Missing:
 
     def __init__(self, why: str) -> None:
         self.damages = [why]
+        self.described: list[str] = []
         self.channels: list[Channel] = []
         self.oldest = self.newest = 0
 
