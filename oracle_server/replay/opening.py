@@ -14,6 +14,10 @@ from oracle_server.replay.strangers import instead, what_it_is
 
 _HEAD = 4096
 _OF_SPECS = frozenset({".yaml", ".yml"})
+_NEITHER = (
+    "is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines; what is in another format, as CSV, is "
+    'written as one event a line first: {"stream": "/odom", "stamp": 1700000000000000000, "data": {"x": 1.5}}'
+)
 _MARK = b"\xef\xbb\xbf"
 """How some editors begin a file of UTF-8."""
 
@@ -95,5 +99,4 @@ def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> R
         from oracle_server.replay.bags import Bag
 
         return Bag(path, spec, types)
-    what = "is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines" if head else what_it_is(head)
-    raise TraceError(f"{path}: {what}")
+    raise TraceError(f"{path}: {_NEITHER if head else what_it_is(head)}")

@@ -55,6 +55,16 @@ def test_a_pointer_of_git_lfs_is_told_as_one(name: str, spec: Path, tmp_path: Pa
         judge(spec, path)
 
 
+def test_what_to_write_for_a_file_in_another_format_is_told_and_is_taken(spec: Path, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,x\n1.0,2\n")
+    with pytest.raises(TraceError, match="as CSV, is written as one event a line first: ") as told:
+        judge(spec, path)
+    line = str(told.value).split("first: ")[1].replace("/odom", "/x").replace('"x":', '"data":')
+    path.write_text(line)
+    assert judge(spec, path).summary["streams"]["/x"]["events"] == 1
+
+
 def test_many_recordings_tell_pointers_of_git_lfs(
     spec: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
