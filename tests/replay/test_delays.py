@@ -67,6 +67,20 @@ def test_a_message_that_is_stamped_long_before_a_recording_begins_is_said(tmp_pa
     assert (said in found.said, found.summary["properties"]["often"]["violations"]) == (arrived, int(arrived))
 
 
+@pytest.mark.parametrize(("source", "late"), [(True, 1), (False, 10)])
+def test_publishers_are_waited_for_by_themselves_where_a_log_tells_them(
+    tmp_path: Path, *, source: bool, late: int
+) -> None:
+    path, lines = tmp_path / "trace.jsonl", []
+    for at in range(BASE, BASE + 1000 * MS, 100 * MS):
+        for name, by in (("near", 0), ("far", -50)):
+            more = {"source": name} if source else {}
+            lines.append({"stream": "/scan", "stamp": at + by * MS, "arrived": at, "data": {}, **more})
+            lines.append({"stream": "/cmd", "stamp": at, "arrived": at, "data": {"v": 0}})
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert judge(write_spec(tmp_path, SPEC.format(ordering="", scan="")), path).summary["late"] == late
+
+
 def test_a_stream_that_is_skewed_is_said(tmp_path: Path) -> None:
     found = judged(tmp_path, [5000] * 20)
     assert (found.exit, found.strict) == (0, 3)
