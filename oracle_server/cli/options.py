@@ -7,8 +7,16 @@ from typing import Annotated
 
 import typer
 
+
+def _folder(value: str) -> Path:
+    """A folder that is named: an empty text, as of a variable that is not set, would be the working directory."""
+    if not value.strip():
+        raise typer.BadParameter("it is empty: leave it out, or name a folder")
+    return Path(value)
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-DataDir = Annotated[Path | None, typer.Option(help="The directory of the history.")]
+DataDir = Annotated[Path | None, typer.Option(parser=_folder, metavar="<path>", help="The directory of the history.")]
 SpecFiles = Annotated[list[Path], typer.Argument(metavar="SPEC…", help="Spec files.")]
 TypeFolders = Annotated[
     list[Path] | None,

@@ -374,3 +374,9 @@ def test_a_choice_that_is_none_is_told_in_one_line() -> None:
     """The library's own text has tabs, and words of another library."""
     assert failed("token", "add", "uav1").endswith("Missing option '--scope'. Choose from: submit, read, admin")
     assert "for '--format': 'xml' is not one of 'text', " in failed("check", "--format", "xml", SPEC)
+
+
+@pytest.mark.parametrize("command", [("serve",), ("status",), ("token", "list")])
+def test_a_data_directory_without_a_name_is_refused(command: tuple[str, ...]) -> None:
+    """As of `--data-dir "$DATA"` where that is not set: it was the folder in which the command was run."""
+    assert "'--data-dir': it is empty: leave it out, or name a folder" in failed(*command, "--data-dir", "")
