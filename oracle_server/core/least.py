@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
 _SPARE = 16
@@ -28,13 +28,11 @@ class Least(Generic[T]):
     is made so when it is asked for. An item whose value falls is added once more.
     """
 
-    def __init__(self, value: Callable[[T], int | None], items: Iterable[T] = ()) -> None:
+    def __init__(self, value: Callable[[T], int | None]) -> None:
         """`value` is what an item has now, None where it does not count any more."""
         self._value = value
         self._heap: list[tuple[int, int, T]] = []
         self._most = _SPARE
-        for item in items:
-            self.add(item)
 
     def add(self, item: T) -> None:
         """Add an item, or one whose value has fallen."""

@@ -43,7 +43,6 @@ _CURRENT = {Outcome.TRUE: Outcome.CURRENTLY_TRUE, Outcome.FALSE: Outcome.CURRENT
 
 NEGATIVE = frozenset({Outcome.FALSE, Outcome.CURRENTLY_FALSE})
 FINAL = frozenset({Outcome.TRUE, Outcome.FALSE})
-DENYING = NEGATIVE | {Outcome.UNKNOWN}
 _GRAVEST_FIRST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outcome.CURRENTLY_TRUE, Outcome.TRUE)
 
 

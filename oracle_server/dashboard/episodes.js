@@ -54,7 +54,7 @@ export function episodesOf(id) {
 }
 
 /** Whether two episodes are one. */
-export function isSame(one, other) {
+function isSame(one, other) {
   return one.property === other?.property && one.first === other?.first && one.order === other?.order;
 }
 

@@ -17,7 +17,7 @@ const TICK = 10; // pixels, of one of many
 const BAR = 5; // pixels that one height stands for, at least
 
 /** Where and how to paint: a canvas as wide as its element, with its context scaled to CSS pixels. */
-export function pen(canvas, window) {
+function pen(canvas, window) {
   const { clientWidth: width, clientHeight: height } = canvas;
   const dense = devicePixelRatio || 1;
   if (canvas.width !== Math.round(width * dense) || canvas.height !== Math.round(height * dense)) {

@@ -40,7 +40,7 @@ class TurnsLoop(asyncio.SelectorEventLoop):
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self._waiting = _Waiting(self.lock)
-        self._lent = self._hurry = False
+        self._hurry = False
         super().__init__(self._waiting)
 
     def before_waiting(self, call: Callable[[], None]) -> None:
@@ -69,11 +69,10 @@ class TurnsLoop(asyncio.SelectorEventLoop):
         own = _get_running_loop()  # the caller may be in another loop
         _set_running_loop(None)
         _set_running_loop(self)
-        self._lent, self._hurry = True, False
+        self._hurry = False
         try:
             yield True
         finally:
-            self._lent = False
             _set_running_loop(own)
             hurry = self._hurry
             self.lock.release()

@@ -14,8 +14,7 @@ _CAUSES = 1_000
 class Seldom:
     """Counts how often each cause came, and says when it may be logged again."""
 
-    def __init__(self, every: float = EVERY) -> None:
-        self._every = every
+    def __init__(self) -> None:
         self._causes: dict[object, tuple[float, int]] = {}
 
     def due(self, cause: object) -> int:
@@ -23,8 +22,8 @@ class Seldom:
         now = time.monotonic()
         if len(self._causes) > _CAUSES:
             self._causes.clear()
-        since, count = self._causes.get(cause, (now - self._every, 0))
-        if now - since < self._every:
+        since, count = self._causes.get(cause, (now - EVERY, 0))
+        if now - since < EVERY:
             self._causes[cause] = since, count + 1
             return 0
         self._causes[cause] = now, 0

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from oracle_server.core.kinds import Kind
 
 _REQUEST_SENT, _REQUEST_RECEIVED, _RESPONSE_SENT, _RESPONSE_RECEIVED = range(4)
-REQUESTS = frozenset({_REQUEST_SENT, _REQUEST_RECEIVED})
 RESPONSES = frozenset({_RESPONSE_SENT, _RESPONSE_RECEIVED})
 
 

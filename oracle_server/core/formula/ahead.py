@@ -41,7 +41,6 @@ class Obligation:
     variables: tuple[str, ...]
     trigger: Formula | None
     goal: Formula
-    body_path: Path
     trigger_path: Path
     goal_path: Path
 
@@ -60,8 +59,8 @@ def obligation(formula: Formula) -> Obligation | None:
         variables.append(body.variable)
         body, path = body.body, (*path, 0)
     if isinstance(body, tree.Implies) and looks_ahead(body.right):
-        return Obligation(tuple(variables), body.left, body.right, path, (*path, 0), (*path, 1))
-    return Obligation(tuple(variables), None, body, path, path, path)
+        return Obligation(tuple(variables), body.left, body.right, (*path, 0), (*path, 1))
+    return Obligation(tuple(variables), None, body, path, path)
 
 
 def unbounded(goal: Formula) -> Ahead | None:

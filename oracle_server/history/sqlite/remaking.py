@@ -16,7 +16,7 @@ from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.sql.episodes import END, keeping
 from oracle_server.history.sql.standing import outcomes_of, whys_of
 
-MOST = 2_000_000
+_MOST = 2_000_000
 """Rows that are looked at, those of the newest sessions: some 4 s."""
 _NOTHING = Following()
 _ROWS = """
@@ -26,16 +26,17 @@ FROM steps WHERE session = ? AND revision IS NULL ORDER BY position
 """
 
 
-def remake(database: sqlite3.Connection, most: int = MOST) -> None:
+def remake(database: sqlite3.Connection) -> None:
     """Keep the episodes of the newest sessions, within the transaction that is open; the others have none.
 
     Their rows are taken in the sequence in which they were judged, by their stamps.
     """
+    left = _MOST
     sessions = database.execute("SELECT number, properties, closed FROM sessions ORDER BY number DESC").fetchall()
     for number, properties, closed in sessions:
         (count,) = database.execute("SELECT count(*) FROM steps WHERE session = ?", (number,)).fetchone()
-        most -= count
-        if most < 0:
+        left -= count
+        if left < 0:
             return
         for sql, values in keeping(number, _of(database, number, msgspec.json.decode(properties))):
             database.execute(sql, values)
