@@ -96,6 +96,19 @@ class TestGoingOnInAnotherSession:
         side.protocol.renew([("/a", "topic", 1)])
         assert [told(frame) for frame in side.frames()] == [2, 1], "that ends this session"
 
+    def test_who_has_told_its_clock_in_the_session_after_others_ends_that_one(self) -> None:
+        side = Side(session="s1", clock="sim")
+        side.attach()
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s2")
+        side.reconnect(1, session="s2")
+        side.protocol.clock([("/a", "topic", 6)])
+        assert [told(clock) for clock in side.frames()] == [6]
+        side.send("of this session")
+        side.protocol.renew([("/a", "topic", 5)])
+        event, *clocks = side.frames()
+        assert (event["data"], *map(told, clocks)) == ("of this session", 6, 5)
+        assert side.protocol.stats().lost == 0
+
     def test_what_was_done_meanwhile_is_told_in_the_next_session(self, side: Side) -> None:
         side.attach()
         side.protocol.renew([("/a", "topic", 5)])
