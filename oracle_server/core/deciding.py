@@ -8,7 +8,6 @@ import msgspec
 
 from oracle_server.core.episode import Following
 from oracle_server.core.holding import Version
-from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import NEGATIVE, Decision, Outcome, Verdict
 
 
@@ -50,11 +49,6 @@ def attempted(verdict: Verdict, owes: Outcome | None) -> Verdict:
     if owes is not None and verdict.outcome in NEGATIVE:
         return msgspec.structs.replace(verdict, outcome=owes, explanation=None)
     return msgspec.structs.replace(verdict, outcome=verdict.outcome.current)
-
-
-def is_denied_by(decision: Decision | None, prop: Property) -> bool:
-    """Whether a property is among those that denied an event."""
-    return decision is not None and prop.id in decision.denied_by
 
 
 def is_denied(decision: Decision | None) -> bool:

@@ -10,7 +10,7 @@ import msgspec
 
 from oracle_server.core.blaming import NO_ONE, Blaming
 from oracle_server.core.counting import Counters, Told
-from oracle_server.core.deciding import Before, attempted, is_denied, is_denied_by
+from oracle_server.core.deciding import Before, attempted, is_denied
 from oracle_server.core.derived.state import Derived, LastStep
 from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring, provides
 from oracle_server.core.episode import Following, loaded, saved
@@ -283,11 +283,11 @@ class Judge(Blaming):
         time = self.present
         marks, self.present, self.counters.steps, held, self._ticked, self._outdated, self.following = before
         self._held.go_to(held)
+        denying = frozenset(judged.decision.denied_by if judged.decision else ())
         for state, mark in zip(self.properties, marks, strict=True):
-            state.back(mark, counts=is_denied_by(judged.decision, state.property))
+            state.back(mark, counts=state.property.id in denying)
         self._derived.back()
         self._recent.remove()
-        denying = frozenset(judged.decision.denied_by if judged.decision else ())
         stood = zip(self.properties, marks, strict=True)
         open_ = [s for s, mark in stood if s.owed is not None and mark.outcome not in FINAL]
         owing = {s.property.id: s.unowed for s in open_ if s.property.id not in denying}
