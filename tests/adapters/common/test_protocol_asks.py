@@ -82,6 +82,7 @@ class TestAsks:
         answer = side.ask()
         assert isinstance(answer, Answer)
         assert (answer.why, answer.reason, answer.seq) == ("unavailable", "the queue is full", None)
+        assert side.protocol.stats().unavailable == 1
         side.protocol.handled(answer, False, answer.why)  # there is nothing to report on
         side.attach()
         assert [frame["type"] for frame in side.frames()] == ["event"]
@@ -92,6 +93,10 @@ class TestAsks:
         assert isinstance(answer, Answer)
         assert should_pass(answer, "pass") == (False, "decision")
         assert "too large for a frame" in answer.reason
+        side.protocol.close()
+        answer = side.ask("x" * 4000)
+        assert isinstance(answer, Answer)
+        assert should_pass(answer, "pass") == (True, "unavailable"), "nobody would judge it anyway"
 
     def test_losses_are_told_once_of_each_kind(self) -> None:
         side = Side(capacity=4)
