@@ -68,6 +68,7 @@ class TestEnding:
         assert done == [True]
         peer.wait_finished()
         assert [news.state() for _ in range(2)] == ["attached", "ended"]
+        assert news.errors.empty()
         assert not link.send("/a", "topic", 2, {})
         assert answer_of(ask(link)).why == "unavailable"
         assert link.stats().lost == 1 + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import Iterator, List
 
 import pytest
@@ -21,11 +22,15 @@ def oracles() -> Iterator[List[Oracle]]:
         oracle.end()
 
 
-def linked(oracles: List[Oracle], errors: List[LinkError]) -> Link:
+@contextmanager
+def linked(oracles: List[Oracle], errors: List[LinkError]) -> Iterator[Link]:
     urls = ",".join(oracle.url for oracle in oracles)
-    return Link(
+    link = Link(
         urls, "m", spec="spec", session="s1", token="t", timing=QUICK, on_error=errors.append
     )
+    link.start()
+    yield link
+    link.close(timeout=0)  # nobody confirms that it detaches
 
 
 def test_servers_are_tried_in_turn(oracles: List[Oracle]) -> None:
