@@ -68,6 +68,18 @@ async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) 
     assert len(await second.expect("ack", acks + 1)) == acks + 1, "what was sent again alone is acked again"
 
 
+async def test_what_is_sent_again_before_it_is_kept_has_its_answer_at_once(tmp_path: Path) -> None:
+    history = Stuck()
+    sessions, outbox = registry(history, tmp_path, GUARD), Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
+    for _ in range(2):
+        live.ingest(monitor, event(1, ask=True, speed=9))
+    decided, again = [frame for frame in outbox.frames if frame["type"] == "decision"]
+    assert decided["decision"] == "deny"
+    assert again == decided
+    assert history.asked == 0
+
+
 async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lookup, "_MOST", 10)
     history = Stuck()

@@ -71,6 +71,7 @@ async def test_a_session_is_live_with_a_monitor_and_idle_ten_minutes_after_the_l
     assert (state(live)["live"], state(live)["idle"], state(live)["without_monitor_since"]) == (True, False, None)
     live.detach(monitor)
     assert state(live)["live"]
+    clock.time += IDLE
     live.detach(other)
     assert (state(live)["live"], state(live)["without_monitor_since"]) == (False, clock.time)
     clock.time += IDLE
