@@ -54,16 +54,17 @@ def test_a_formula_that_explodes_is_unknown_and_the_others_are_judged_on() -> No
     assert again.judges["arrival"].properties[0].broken == greedy.broken
 
 
+class Back(Recorder):
+    """One whose steps can be taken back."""
+
+    def mark(self) -> None: ...
+    def back(self) -> None: ...
+    def keep(self) -> None: ...
+    def next_deadline(self, after: int) -> int | None: ...
+
+
 def test_an_engine_that_fails_at_an_attempt_judges_no_more_though_the_attempt_never_happened() -> None:
-    failing = Recorder([Outcome.CURRENTLY_TRUE, EngineError("enough"), Outcome.CURRENTLY_TRUE])
-
-    class Back(Recorder):
-        def mark(self) -> None: ...
-        def back(self) -> None: ...
-        def keep(self) -> None: ...
-        def next_deadline(self, after: int) -> int | None: ...
-
-    engine = Back(failing.says)
+    engine = Back([Outcome.CURRENTLY_TRUE, EngineError("enough"), Outcome.CURRENTLY_TRUE])
     streams = [StreamSpec("/a", action="filter", on_deny="undo")]
     session = open_session(
         [prop("p", "{v: 1}", guards=frozenset({"/a"}))],
@@ -75,6 +76,18 @@ def test_an_engine_that_fails_at_an_attempt_judges_no_more_though_the_attempt_ne
     assert outcomes(judged) == ["currently_true", "unknown", "unknown", "unknown"]
     assert degraded(judged) == [False, False, True, True]
     assert len(engine.times) == 2, "an engine that failed is asked no more"
+
+
+def test_a_latched_guard_whose_engine_fails_denies_though_it_let_pass_what_was_not_to_blame() -> None:
+    without, at = Outcome.CURRENTLY_TRUE, [Outcome.CURRENTLY_FALSE, Outcome.CURRENTLY_TRUE, EngineError("enough")]
+    guard = prop("p", "{v: 1}", guards=frozenset({"/a"}), latch=True, blame="caused")
+    session = open_session(
+        [guard], attach={"m": [A]}, streams=[StreamSpec("/a", action="filter")],
+        maker=lambda _: Back([says for outcome in at for says in (without, outcome)]), by="arrival",
+    )  # fmt: skip
+    feed = Feed(session)
+    judged = [j for n in range(1, 5) for j in feed(A, n, {"v": 1}, ask=True)]
+    assert [j.decision.choice for j in judged if j.decision] == ["deny", "allow", "deny", "deny"]
 
 
 @pytest.mark.parametrize("count", [50, 600])
