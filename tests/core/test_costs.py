@@ -79,7 +79,8 @@ def test_an_engine_that_fails_at_an_attempt_judges_no_more_though_the_attempt_ne
 
 
 def test_a_latched_guard_whose_engine_fails_denies_though_it_let_pass_what_was_not_to_blame() -> None:
-    without, at = Outcome.CURRENTLY_TRUE, [Outcome.CURRENTLY_FALSE, Outcome.CURRENTLY_TRUE, EngineError("enough")]
+    without = Outcome.CURRENTLY_TRUE
+    at: list[Outcome | Exception] = [Outcome.CURRENTLY_FALSE, Outcome.CURRENTLY_TRUE, EngineError("enough")]
     guard = prop("p", "{v: 1}", guards=frozenset({"/a"}), latch=True, blame="caused")
     session = open_session(
         [guard], attach={"m": [A]}, streams=[StreamSpec("/a", action="filter")],
