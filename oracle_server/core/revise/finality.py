@@ -167,5 +167,6 @@ class RevisableState(PropertyState):
 
     def _final(self, time: int) -> Outcome:
         assert self.final is not None  # noqa: S101 -- only called where it is
-        self.said = self.said or time > self.final_since + self.horizon
-        return self.final if time > self.final_since + self.horizon else self.final.current
+        settled = time > self.final_since + self.horizon
+        self.said = self.said or settled
+        return self.final if settled else self.final.current
