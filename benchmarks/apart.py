@@ -33,7 +33,7 @@ class Server:
     def cpu(self) -> float:
         """The CPU seconds that its threads have spent; 0 where there is no /proc."""
         told = [thread.read_text() for thread in Path(f"/proc/{self.pid}/task").glob("*/schedstat")]
-        return sum(int(text.split()[0]) for text in told) / 1e9
+        return float(sum(int(text.split()[0]) for text in told)) / 1e9
 
 
 @contextmanager

@@ -10,8 +10,8 @@ same frames, computes the same signals, steps the same engines and inserts the s
 measured three times, in turns, and the best counts: whatever else the machine does only slows.
 *CPU*: what both spend on an event, which the rest of the machine hardly changes.
 *late: revise*: the CPU of the server for the same events by the same spec with `late: revise`, none of them late,
-against the server without: two sessions take some hundred events each in turns, and of what each pair took the median
-ratio counts, beside the median of both. What it costs in the judge alone is in `revising.py`.
+against the server without: two servers take some hundred events each in turns, and the median ratio of these pairs
+counts, since whatever else the machine does lasts longer than one. `revising.py` has what it costs in the judge alone.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import count
 from pathlib import Path
 from statistics import median
@@ -88,19 +88,17 @@ class Load:
     text: str
     events: list[Frame]
 
-    def frames(self, size: int) -> list[str]:
-        """The events in batches, each followed by the clock where there is more than one stream."""
+    def frames(self, size: int, start: int = 0, end: int | None = None) -> list[str]:
+        """The events from `start` on in batches, each followed by the clock where there is more than one stream."""
+        events, streams = self.events[start:end], sorted({(each["stream"], each["kind"]) for each in self.events})
         frames = []
-        for start in range(0, len(self.events), size):
-            batch = self.events[start : start + size]
+        for at in range(0, len(events), size):
+            batch = events[at : at + size]
             frames.append(_encode(batch[0] if size == 1 else {"type": "events", "events": batch}))
-            if self.spec != "one_stream":
-                frames.append(_encode(self._clock(batch[-1]["stamp"])))
+            if len(streams) > 1:
+                stamps = [{"stream": name, "kind": kind, "stamp": batch[-1]["stamp"]} for name, kind in streams]
+                frames.append(_encode({"type": "clock", "stamps": stamps}))
         return frames
-
-    def _clock(self, stamp: int) -> Frame:
-        streams = {(event["stream"], event["kind"]) for event in self.events}
-        return {"type": "clock", "stamps": [{"stream": s, "kind": k, "stamp": stamp} for s, k in sorted(streams)]}
 
 
 class Speed(NamedTuple):
@@ -153,33 +151,40 @@ async def measure(folder: Path, *, quick: bool) -> list[Line]:
             if size == 256 and Path("/proc/self/stat").exists():
                 least, bare_least = min(speed.cpu for speed in served), min(speed.cpu for speed in bare)
                 lines.append(Line("  CPU an event", "µs", 1e6 * least, 1e6 * bare_least))
-        same = Load("the same", "revising", revising, whole.events)
-        for size in (1, 256):
-            lines += await by_revising(server, whole, same, size, turns)
+    same = Load("the same", "revising", revising, whole.events)
+    for size in (1, 256):
+        lines += await by_revising(folder, specs, (whole, same), size, turns)
     return lines
 
 
-async def by_revising(server: Server, plain: Load, revising: Load, size: int, rounds: int) -> list[Line]:
-    """What the server spends on an event with a spec that revises, beside one that does not; none where none tells."""
-    pairs: list[tuple[float, float]] = []
-    for turn in range(rounds):
-        async with dial(server.url) as without, dial(server.url) as beside:
-            peers = ((without, plain), (beside, revising))
-            for peer, load in peers:
-                await attach(peer, load.spec, f"{load.spec}-{size}-in-turns-{turn}")
-            for start in range(0, len(plain.events), BLOCK):
-                spent = {}
-                for peer, load in peers if start // BLOCK % 2 else reversed(peers):
-                    block = replace(load, events=load.events[start : start + BLOCK])
-                    before = server.cpu
-                    async with asyncio.timeout(PATIENCE):
-                        await tell(peer, block, size)
-                    spent[load.spec] = (server.cpu - before) / len(block.events)
-                pairs.append((spent[plain.spec], spent[revising.spec]))
-    ratio = median(with_it / max(plain, 1e-9) for plain, with_it in pairs)
-    typical, goal = median(plain for plain, _ in pairs), 1.05 if size == 1 else None
+async def by_revising(folder: Path, specs: Path, loads: tuple[Load, Load], size: int, rounds: int) -> list[Line]:
+    """What a server spends on an event with the second spec, which revises, beside one with the first, which does not.
+
+    Each has a server of its own: two sessions of one would wait for each other. None where no system tells.
+    """
+    pairs: list[list[float]] = []
+    with oracle(specs, folder / f"plain-{size}") as plain, oracle(specs, folder / f"revising-{size}") as revising:
+        for turn in range(rounds):
+            async with dial(plain.url) as without, dial(revising.url) as beside:
+                each = [(plain, without, loads[0]), (revising, beside, loads[1])]
+                for _, peer, load in each:
+                    await attach(peer, load.spec, f"in-turns-{turn}")
+                for start in range(0, len(loads[0].events), BLOCK):
+                    end = min(start + BLOCK, len(loads[0].events))
+                    pairs.append([await spent(server, peer, load, size, start, end) for server, peer, load in each])
+    typical, goal = median(pair[0] for pair in pairs), 1.05 if size == 1 else None
+    ratio = median(pair[1] / max(pair[0], 1e-9) for pair in pairs)
     what = f"late: revise, batches of {size}: CPU"
     return [Line(what, "µs", 1e6 * typical * ratio, 1e6 * typical, goal)] if typical else []
+
+
+async def spent(server: Server, peer: ClientConnection, load: Load, size: int, start: int, end: int) -> float:
+    """The CPU seconds that a server spends on each of some events, which are numbered from 1 on."""
+    frames, before = load.frames(size, start, end), server.cpu
+    async with asyncio.timeout(PATIENCE):
+        await tell(peer, frames, end)
+    used: float = server.cpu - before
+    return used / (end - start)
 
 
 async def round_trips(oracle_url: str, echo_url: str, path: Path, events: list[Frame]) -> list[Line]:
@@ -222,24 +227,24 @@ async def until(peer: ClientConnection, text: str, wanted: str) -> int:
 async def throughput(server: Server, load: Load, size: int, session: str) -> Speed:
     """How fast a server gets to the ack of the last event."""
     async with dial(server.url) as peer, asyncio.timeout(PATIENCE):
+        frames = load.frames(size)
         await attach(peer, load.spec, session)
         began, spent = time.perf_counter(), server.cpu
-        await tell(peer, load, size)
+        await tell(peer, frames, len(load.events))
         took, spent = time.perf_counter() - began, server.cpu - spent
         await peer.send('{"type":"detach"}')
     return Speed(len(load.events) / took, spent / len(load.events))
 
 
-async def tell(peer: ClientConnection, load: Load, size: int) -> None:
-    """Send events in batches of a size, until the ack of the last one."""
-    frames = load.frames(size)
+async def tell(peer: ClientConnection, frames: list[str], last: int) -> None:
+    """Send frames, until the ack of the last event, by its number."""
 
     async def send() -> None:
         for text in frames:
             await peer.send(text)
 
     sending = asyncio.create_task(send())
-    last, acked = load.events[-1]["seq"], 0
+    acked = 0
     while acked < last:
         frame = msgspec.json.decode(await peer.recv())
         assert frame["type"] in ("ack", "violation", "credit"), frame
