@@ -10,16 +10,21 @@ from typing import Annotated, Any
 
 import typer
 
-from oracle_server.cli.options import AsJson, DataDir, TypeFolders
+from oracle_server.cli.options import AsJson, DataDir, TypeFolders, named
 
 Within = Annotated[float, typer.Option(min=0.1, help="Seconds to wait.")]
 _OF_A_SERVER: dict[str, Any] = {
-    "specs": Annotated[Path | None, typer.Option("--specs", help="The folder of the specs; default ./specs.")],
+    "specs": Annotated[
+        Path | None,
+        typer.Option("--specs", parser=named, metavar="<path>", help="The folder of the specs; default ./specs."),
+    ],
     "types": TypeFolders,
     "data_dir": DataDir,
     "host": Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")],
     "port": Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")],
-    "unix": Annotated[Path | None, typer.Option("--unix", metavar="PATH", help="Listen at a UNIX socket, too.")],
+    "unix": Annotated[
+        Path | None, typer.Option("--unix", parser=named, metavar="PATH", help="Listen at a UNIX socket, too.")
+    ],
     "legacy": Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")],
     "legacy_finals": Annotated[
         bool | None, typer.Option("--legacy-finals", help="Tell them final verdicts, at which those that only log end.")
@@ -30,10 +35,17 @@ _OF_A_SERVER: dict[str, Any] = {
     "origin": Annotated[
         str | None, typer.Option(metavar="NAME", help="This robot's name at the centre; default its host's name.")
     ],
-    "tls_cert": Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")],
-    "tls_key": Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")],
+    "tls_cert": Annotated[
+        Path | None, typer.Option(parser=named, metavar="<path>", help="The server's certificate (PEM), for TLS.")
+    ],
+    "tls_key": Annotated[
+        Path | None, typer.Option(parser=named, metavar="<path>", help="The certificate's key (PEM).")
+    ],
     "tls_client_ca": Annotated[
-        Path | None, typer.Option(help="Clients must present a certificate of this authority (PEM).")
+        Path | None,
+        typer.Option(
+            parser=named, metavar="<path>", help="Clients must present a certificate of this authority (PEM)."
+        ),
     ],
     "insecure": Annotated[
         bool | None, typer.Option("--insecure", help="Allow a bind beyond loopback without tokens or TLS.")

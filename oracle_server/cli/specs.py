@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from oracle_server.cli.findings import FindingsFormat, as_annotation, as_json, as_sarif
-from oracle_server.cli.options import SpecFiles, TypeFolders
+from oracle_server.cli.options import SpecFiles, TypeFolders, named
 from oracle_server.core.errors import Finding, SpecError
 
 if TYPE_CHECKING:
@@ -29,7 +29,9 @@ class RosVersion(StrEnum):
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A new folder; its name is the spec's.")],
+    folder: Annotated[
+        Path, typer.Argument(parser=named, metavar="FOLDER", help="A new folder; its name is the spec's.")
+    ],
     examples: Annotated[
         bool, typer.Option("--examples", help="Write the examples and specs of the documentation instead.")
     ] = False,

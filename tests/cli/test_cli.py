@@ -379,4 +379,10 @@ def test_a_choice_that_is_none_is_told_in_one_line() -> None:
 @pytest.mark.parametrize("command", [("serve",), ("status",), ("token", "list")])
 def test_a_data_directory_without_a_name_is_refused(command: tuple[str, ...]) -> None:
     """As of `--data-dir "$DATA"` where that is not set: it was the folder in which the command was run."""
-    assert "'--data-dir': it is empty: leave it out, or name a folder" in failed(*command, "--data-dir", "")
+    assert "'--data-dir': it is empty: leave it out, or name a file or a folder" in failed(*command, "--data-dir", "")
+
+
+def test_no_other_path_without_a_name_is_the_working_directory() -> None:
+    assert "'FOLDER': it is empty" in failed("init", "")
+    for option in ("--specs", "--types", "--unix", "--tls-cert", "--tls-key", "--tls-client-ca"):
+        assert f"'{option}': it is empty" in failed("serve", option, "")
