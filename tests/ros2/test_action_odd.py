@@ -48,7 +48,8 @@ class Raw:
             action_msgs.GoalStatusArray, f"{name}/_action/status", self._see, qos.qos_profile_action_status_default
         )
         self._goals = node.create_client(IMPL.SendGoalService, f"{name}/_action/send_goal")
-        self._results = node.create_client(IMPL.GetResultService, f"{name}/_action/get_result")
+        many = qos.QoSProfile(depth=100 * relay.MOST)  # else later answers take the place of the first one's
+        self._results = node.create_client(IMPL.GetResultService, f"{name}/_action/get_result", qos_profile=many)
         self.peer.until(lambda: self._goals.service_is_ready() and self._results.service_is_ready())
 
     def send(self, goal: bytes, order: int) -> Any:
