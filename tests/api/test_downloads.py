@@ -63,7 +63,8 @@ async def test_long_lines_are_sent_a_few_at_once(asked: Asked) -> None:
         pieces.append(message.get("body", b""))
 
     path = "/api/v1/sessions/s/trace"
-    scope = {"type": "http", "method": "GET", "path": path, "headers": [], "query_string": b"", "state": {}}
+    named = {"type": "http", "http_version": "1.1", "method": "GET", "path": path}
+    scope = {**named, "headers": [], "query_string": b"", "state": {}}
     async with asyncio.timeout(PATIENCE):
         await asked.guarded(scope, receive, send)
     assert b"".join(pieces).count(b"\n") == 30

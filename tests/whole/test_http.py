@@ -240,7 +240,6 @@ async def test_a_session_can_not_be_opened_twice_or_of_nothing(server: Server, s
         ("DELETE", "/api/v1/sessions/nowhere", 404),
         ("GET", "/api/v1/sessions/nowhere/verdicts", 404),
         ("GET", "/api/v1/sessions/nowhere/violations", 404),
-        ("GET", "/api/v1/attach", 404),
         ("POST", "/healthz", 405),
         ("DELETE", "/api/v1/specs", 405),
         ("DELETE", "/api/v1/specs/lamp", 405),
