@@ -32,7 +32,8 @@ from tests.chaos.served import Served
 from tests.postgres import Postgres
 from tests.processes import PATIENCE
 
-LEASE = 1.0
+LEASE = 3.0
+"""Seconds: longer than a busy machine lets a server stand still, else it is taken over where nobody struck it."""
 
 
 def servers(url: str, folder: Path, names: str) -> dict[str, Served]:
