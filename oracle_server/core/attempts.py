@@ -13,22 +13,24 @@ from oracle_server.core.spec import Property, Spec, StreamSpec
 
 def attempts(spec: Spec) -> Iterator[SpecProblem]:
     """Warn of guards that let pass what comes after an event which another guard may have denied."""
+    kept: dict[str, list[StreamSpec]] = {}
+    for stream in spec.streams:
+        if _is_kept(spec, stream):
+            kept.setdefault(stream.name, []).append(stream)
+    guards = {name: [prop.id for prop in spec.properties if name in prop.guards][:2] for name in kept}
     for i, prop in enumerate(spec.properties):
-        if not prop.guards or prop.external is not None or prop.numeric:
-            continue
-        needed = tuple(_needed(prop.formula))
-        for stream in spec.streams:
-            denied_by = next((p.id for p in spec.properties if p is not prop and stream.name in p.guards), None)
-            if denied_by is None or not _is_kept(spec, stream) or _is_answered(spec, prop, stream):
-                continue
-            if any(can_be_met(spec, stream, atom) for atom in needed):
-                yield SpecProblem(
-                    ("properties", i, "guards"),
-                    f"property '{prop.id}' lets pass what comes after an event of {stream.name}, which '{denied_by}' "
-                    f"may deny: denied, it counts as if it had come; write `on_deny: undo` at {stream.name}, "
-                    "or `on_deny: keep` there if an attempt is enough",
-                    severity="warning",
+        plain = prop.guards and prop.external is None and not prop.numeric
+        needed = tuple(_needed(prop.formula)) if plain else ()
+        for name, streams in kept.items() if needed else ():
+            denied_by = next((one for one in guards[name] if one != prop.id), None)
+            met = (s for s in streams if any(can_be_met(spec, s, atom) for atom in needed))
+            if denied_by is not None and not all(_is_answered(spec, prop, stream) for stream in met):
+                message = (
+                    f"property '{prop.id}' lets pass what comes after an event of {name}, which '{denied_by}' may "
+                    f"deny: denied, it counts as if it had come; write `on_deny: undo` at {name}, or `on_deny: keep` "
+                    "there if an attempt is enough"
                 )
+                yield SpecProblem(("properties", i, "guards"), message, severity="warning")
 
 
 def _is_kept(spec: Spec, stream: StreamSpec) -> bool:
