@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import (
     And,
@@ -21,6 +20,7 @@ from oracle_server.core.formula.tree import (
     Or,
     Position,
     Pre,
+    Time,
     atoms,
     walk,
 )

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.conditions import spine
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import And, Atom, Constraint, Formula, Implies, Not, Or, Position, walk
+from oracle_server.core.formula.tree import And, Atom, Constraint, Formula, Implies, Not, Or, Position, Time, walk
 from oracle_server.core.machines.table import Table
 from oracle_server.core.places import Place, places
 from oracle_server.core.spec import Property, Spec
@@ -65,9 +65,7 @@ def _together(node: Formula) -> list[Atom]:
 
 
 def _joined(node: Formula) -> list[Atom]:
-    if isinstance(node, And):
-        return [*_joined(node.left), *_joined(node.right)]
-    return [node] if isinstance(node, Atom) else []
+    return [part for part in spine(node) if isinstance(part, Atom)]
 
 
 def _left_by(

@@ -295,12 +295,13 @@ def _streams(model: TopicModel | ServiceModel | ActionModel) -> Iterator[StreamS
         "on_deny_given": "on_deny" in model.model_fields_set,
     }
     if isinstance(model, TopicModel):
-        return (yield StreamSpec(model.topic, intercept=model.intercept, **_channel(model), **common))
-    if isinstance(model, ActionModel):
-        return (yield from action_streams(model, common, _channel))
-    common |= {"proxy": model.proxy or f"{model.service}_mon", "denied_response": model.denied_response}
-    yield StreamSpec(model.service, "request", **_channel(model.request), **common)
-    yield StreamSpec(model.service, "response", **_channel(model.response), **common)
+        yield StreamSpec(model.topic, intercept=model.intercept, **_channel(model), **common)
+    elif isinstance(model, ActionModel):
+        yield from action_streams(model, common, _channel)
+    else:
+        common |= {"proxy": model.proxy or f"{model.service}_mon", "denied_response": model.denied_response}
+        yield StreamSpec(model.service, "request", **_channel(model.request), **common)
+        yield StreamSpec(model.service, "response", **_channel(model.response), **common)
 
 
 def _channel(model: TopicModel | HalfModel) -> dict[str, Any]:
