@@ -51,7 +51,7 @@ PATIENCE = 60.0
 COMMIT = 256
 """Events to a commit of the bare loop."""
 BLOCK = 512
-"""Events of a turn, where two sessions take turns."""
+"""Events of a turn, where two servers take turns."""
 
 # The first property of specs/battery_uav.yaml with its three streams in one: a status reports on a percentage that was
 # accepted, and reports its class. One stream waits for no other, so nothing here depends on `max_delay`.
@@ -226,8 +226,8 @@ async def until(peer: ClientConnection, text: str, wanted: str) -> int:
 
 async def throughput(server: Server, load: Load, size: int, session: str) -> Speed:
     """How fast a server gets to the ack of the last event."""
+    frames = load.frames(size)
     async with dial(server.url) as peer, asyncio.timeout(PATIENCE):
-        frames = load.frames(size)
         await attach(peer, load.spec, session)
         began, spent = time.perf_counter(), server.cpu
         await tell(peer, frames, len(load.events))
