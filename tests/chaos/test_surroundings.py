@@ -47,6 +47,8 @@ signal.signal(signal.SIGUSR1, turn)
 signal.signal(signal.SIGUSR2, turn)
 """
 """A clock that is set forward, or back, by a minute: six times forward is less than `max_delay` still."""
+STOPS_SOON = "from oracle_server.sessions import stopping; stopping._FLUSH_WITHIN = 0.1"
+"""It waits no longer for a history that can't be written."""
 
 
 @each_layout
@@ -171,7 +173,7 @@ async def test_a_disk_that_turns_read_only(failing_disk: FailingDisk, tmp_path: 
     request = {"stream": "/SetLED", "kind": "request", "ask": True}
     async with (
         asyncio.timeout(2 * PATIENCE),
-        Served(specs(ALONE, tmp_path), failing_disk.folder / "data") as served,
+        Served(specs(ALONE, tmp_path), failing_disk.folder / "data", STOPS_SOON) as served,
     ):
         async with attached(served, "battery_uav", "s", "m") as socket:
             await say(socket, half[:50], at_once=50)
@@ -209,7 +211,7 @@ async def readiness(served: Served, status: int) -> str:
 
 
 async def test_a_server_with_a_full_disk_can_be_stopped(disk: Disk, tmp_path: Path) -> None:
-    async with Served(specs(ALONE, tmp_path), disk.folder / "data") as served:
+    async with Served(specs(ALONE, tmp_path), disk.folder / "data", STOPS_SOON) as served:
         async with attached(served, "battery_uav", "s", "m") as socket:
             disk.fill()
             text = "x" * 500_000  # more than the room that is left in the files
