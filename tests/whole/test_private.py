@@ -8,10 +8,15 @@ import signal
 from base64 import b64encode
 from contextlib import suppress
 from hashlib import sha256
+from pathlib import Path
 
+from tests.chaos.served import Served
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import PATIENCE, Server
+
+STOPS_SOON = "from oracle_server import server; server._STOP_WITHIN = 0.1"
+"""It gives what is under way less time to end."""
 
 
 async def test_all_that_is_written_is_the_server_s_own(start: Starts) -> None:
@@ -44,19 +49,20 @@ def test_the_pages_have_a_policy_that_runs_their_own_scripts_alone(server: Serve
         assert answer.headers["X-Content-Type-Options"] == "nosniff"
 
 
-async def test_a_request_that_outlasts_the_server_is_cut_off_without_a_traceback(start: Starts) -> None:
-    server = start()
-    port = int(server.url.rpartition(":")[2])
-    reader, writer = await asyncio.open_connection("127.0.0.1", port)
-    head = f"PUT /api/v1/specs/late HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 9\r\n"
-    writer.write(f"{head}Expect: 100-continue\r\n\r\n".encode())
-    async with asyncio.timeout(PATIENCE):
+async def test_a_request_that_outlasts_the_server_is_cut_off_without_a_traceback(tmp_path: Path) -> None:
+    specs = tmp_path / "specs"
+    specs.mkdir()
+    async with asyncio.timeout(PATIENCE), Served(specs, tmp_path / "data", STOPS_SOON) as served:
+        reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+        head = f"PUT /api/v1/specs/late HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nContent-Length: 9\r\n"
+        writer.write(f"{head}Expect: 100-continue\r\n\r\n".encode())
         assert b" 100 " in await reader.readline(), "the request is being read, and its body never comes"
-        server.process.send(signal.SIGTERM)
+        served.signal(signal.SIGTERM)
         with suppress(ConnectionError):
             await reader.read()
-    writer.close()
-    assert await asyncio.to_thread(server.process.wait) == 0
-    assert "graceful shutdown exceeded" in server.log
-    assert "cut off" in server.log
-    server.check_log()
+        writer.close()
+        assert await served.ended() == 0
+    log = "\n".join(map(str, served.log))
+    assert "graceful shutdown exceeded" in log
+    assert "cut off" in log
+    assert "Traceback" not in log
