@@ -149,14 +149,13 @@ def _seen(environment: Mapping[str, str]) -> dict[str, str]:
 def _serve(requests: socket.socket) -> Request | None:
     """Fork until nobody asks any more, which is None; in what is forked, what it is to be."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # those that wait need nobody that waits for them
     while True:
         request, files, _, _ = socket.recv_fds(requests, _LONGEST, 3)
+        _count_the_ended()
         if not request:
             return None
         out, error, end = files
         if not os.fork():
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             child = os.fork()
             if not child:
                 break
@@ -172,6 +171,13 @@ def _serve(requests: socket.socket) -> Request | None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _write_to(out, error)
     return _become(Request(**json.loads(request)))
+
+
+def _count_the_ended() -> None:
+    """Wait for those that have ended: else what they worked is in no time that is told of the tests."""
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
 
 
 def _write_to(out: int, error: int) -> None:
