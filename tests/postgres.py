@@ -24,6 +24,8 @@ import pytest
 _PLACES = ("/usr/lib/postgresql/*/bin", "/usr/local/pgsql/bin", "/usr/local/bin", "/usr/bin")
 _WITHIN = "120"
 """Seconds for it to start or stop."""
+_ROOM = 2**31
+"""Bytes that are enough for those of several workers."""
 
 
 def programs() -> Path | None:
@@ -50,7 +52,8 @@ class Postgres:
         """Make one, with settings of `postgresql.conf` besides those of the tests."""
         self._programs = needed()
         self._user = _unprivileged()
-        self.folder = Path(tempfile.mkdtemp(prefix="oracle-postgres-"))  # pytest's own are closed to other users
+        # pytest's own folders are closed to other users
+        self.folder = Path(tempfile.mkdtemp(prefix="oracle-postgres-", dir=_in_memory()))
         self._data = self.folder / "data"
         if self._user is not None:
             shutil.chown(self.folder, self._user)
@@ -225,6 +228,12 @@ class Relay:
         except OSError:
             source.close()
             sink.close()
+
+
+def _in_memory() -> str | None:
+    """A folder that no disk has, where there is one with room: what commits, and deletes thousands of files, waits."""
+    folder = "/dev/shm"
+    return folder if os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > _ROOM else None
 
 
 def _processes() -> list[int]:
