@@ -31,18 +31,26 @@ class Past:
 
     def __init__(self, items: Iterable[Item], time: Time) -> None:
         self._steps, self._time = [item for item in items if item.signals is not None], time
-        self._known: dict[tuple[Formula, Key], list[Value]] = {}
+        self._known: dict[tuple[int, Key], tuple[Formula, list[Value]]] = {}
+        """By the part itself, which is kept so that no other one has its number: to compare parts takes long."""
+        self._looks_back: dict[int, tuple[Formula, bool]] = {}
+
+    def looks_back(self, formula: Formula) -> bool:
+        """Whether a part looks back alone."""
+        if id(formula) not in self._looks_back:
+            self._looks_back[id(formula)] = formula, not looks_ahead(formula)
+        return self._looks_back[id(formula)][1]
 
     def of(self, formula: Formula, values: Values) -> list[Value]:
         """Lost where an atom of the part can't be judged."""
-        key = (formula, tuple((name, type(value), value) for name, value in values.items()))
+        key = (id(formula), tuple([(name, type(value), value) for name, value in values.items()]))
         if key not in self._known:
             held = truths_for(formula, [(s.time, s.signals or {}) for s in self._steps], self._time, values)
             atoms = _atoms(formula)
             lost = [any(_fails(atom, s, bound, values) for atom, bound in atoms) for s in self._steps]
             told = zip(held, lost, strict=True)
-            self._known[key] = ["lost" if gone else "true" if h else "false" for h, gone in told]
-        return self._known[key]
+            self._known[key] = formula, ["lost" if gone else "true" if h else "false" for h, gone in told]
+        return self._known[key][1]
 
 
 def decisions(
@@ -96,7 +104,7 @@ class _Table(NamedTuple):
 
     def about(self, node: Formula) -> Callable[[int], Value]:
         """What is known of a part about each step."""
-        if not looks_ahead(node):
+        if self.known.looks_back(node):
             return self.past(node).__getitem__
         parts = [self.about(child) for child in tree.children(node)]
         memo: dict[int, Value] = {}
