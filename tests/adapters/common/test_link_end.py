@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, List
 
 import pytest
@@ -127,7 +128,7 @@ class TestEnding:
             assert link.stats().lost == len(values)
 
     def test_what_the_oracle_has_not_confirmed_at_the_end_is_told(
-        self, oracle: Oracle, links: List[Link]
+        self, oracle: Oracle, links: List[Link], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         link = Link(oracle.url, "uav1", on_error=lambda error: None)
         told: List[str] = []
@@ -139,6 +140,7 @@ class TestEnding:
         oracle.stop()
         link.send("/a", "topic", 1, {})
         link.send("/a", "topic", 2, {})
+        monkeypatch.setattr(link, "close", partial(link.close, 0.1))  # nobody comes back to confirm
         close(link, told.append)
         assert told == ["the oracle has not confirmed the last 2 events: they may be lost"]
 
