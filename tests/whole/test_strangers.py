@@ -15,10 +15,13 @@ from websockets.asyncio.client import connect
 
 from oracle_server.edge.tokens import add
 from oracle_server.edge.visitors import LEAVING, STRANGERS, Visitors
+from tests.chaos.served import Served
 from tests.whole.client import attached, make_attach, make_event
-from tests.whole.conftest import Starts
+from tests.whole.conftest import Starts, copy_specs
 from tests.whole.harness import PATIENCE, Server, problem
 from tests.whole.test_tls import Authority
+
+IMPATIENT = "from oracle_server.edge import visitors; visitors.REQUEST_WITHIN = 0.5"
 
 
 @pytest.fixture(scope="module")
@@ -76,12 +79,9 @@ async def test_silent_connections_keep_nobody_out_and_fill_no_log(
     assert len(server.log.splitlines()) < 100
 
 
-async def test_a_handshake_that_does_not_go_on_is_not_waited_for(start: Starts, authority: Authority) -> None:
-    server = start(**authority.settings)
-    port = int(server.url.rpartition(":")[2])
-
+async def test_a_handshake_that_does_not_go_on_is_not_waited_for(authority: Authority, tmp_path: Path) -> None:
     async def ended(text: bytes) -> bytes:
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
         writer.write(text)
         async with asyncio.timeout(PATIENCE):
             try:
@@ -95,8 +95,10 @@ async def test_a_handshake_that_does_not_go_on_is_not_waited_for(start: Starts, 
     with suppress(ssl.SSLWantReadError):
         authority.context().wrap_bio(ssl.MemoryBIO(), hello, server_hostname="127.0.0.1").do_handshake()
     whole = hello.read()
-    await asyncio.gather(ended(b""), ended(whole[:20]), ended(whole))
-    server.said("sent no request in time")
+    settings = {name.removeprefix("ORACLE_"): value for name, value in authority.settings.items()}
+    async with Served(copy_specs(tmp_path / "specs", ()), tmp_path / "data", IMPATIENT, **settings) as served:
+        await asyncio.gather(ended(b""), ended(whole[:20]), ended(whole))
+        await served.said("connections sent no request in time")
 
 
 async def test_beyond_the_limit_a_request_is_refused_and_health_is_told(start: Starts) -> None:
