@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
 
 SLICE = 2**12
 """Bytes that are processed at once: no more than some hundred of the smallest frames."""
@@ -87,6 +88,15 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
         if self._next is not None:
             self._next.cancel()
         self._lose(exc)
+
+    def handle_cont(self, event: Frame) -> None:
+        """Join a fragment to those before it: each would be kept by itself, and empty ones are never too many."""
+        begun = cast("bytes | bytearray", self.frames[0])
+        whole = begun if isinstance(begun, bytearray) else bytearray(begun)
+        whole += event.data
+        self.frames = [bytes(whole) if event.fin else cast("bytes", whole)]
+        if event.fin:
+            self.send_receive_event_to_app()
 
     def handle_ping(self) -> None:
         """Answer a ping, unless the connection is lost."""

@@ -94,8 +94,8 @@ class Open:
         self.socket.data_received(b"".join(frame(Opcode.TEXT, text.encode()) for text in texts))
 
 
-def frame(opcode: Opcode, data: bytes) -> bytes:
-    return Frame(opcode, data).serialize(mask=True)
+def frame(opcode: Opcode, data: bytes, *, fin: bool = True) -> bytes:
+    return Frame(opcode, data, fin=fin).serialize(mask=True)
 
 
 @pytest.fixture
@@ -197,3 +197,21 @@ async def test_a_turn_is_charged_once(monkeypatch: pytest.MonkeyPatch) -> None:
     opened.says("x" * 50 * SLICE)
     assert (opened.receiver.turns, len(opened.socket.slices)) == (1, 51)
     assert [len(text) for text in opened.receiver.texts] == [50 * SLICE]
+
+
+async def test_fragments_are_kept_as_one_however_many_and_however_small(opened: Open) -> None:
+    opened.socket.data_received(frame(Opcode.TEXT, b"[", fin=False))
+    for piece in (b"", b"1,", b"", b"2") * 1_000:
+        opened.socket.data_received(frame(Opcode.CONT, piece, fin=False))
+    await until(lambda: opened.transport.reading)
+    assert len(opened.socket.frames) == 1
+    opened.socket.data_received(frame(Opcode.CONT, b"]"))
+    await until(lambda: opened.transport.reading)
+    assert opened.receiver.texts == ["[" + "1,2" * 1_000 + "]"]
+
+
+async def test_bytes_in_fragments_are_bytes(opened: Open) -> None:
+    opened.socket.data_received(frame(Opcode.BINARY, b"a", fin=False) + frame(Opcode.CONT, b"b"))
+    message = cast("dict[str, object]", await opened.socket.receive())
+    assert message == {"type": "websocket.receive", "bytes": b"ab"}
+    assert type(message["bytes"]) is bytes

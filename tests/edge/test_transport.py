@@ -28,6 +28,7 @@ METHODS: dict[type, dict[str, list[str]]] = {
         "connection_lost": ["exc"],
         "data_received": ["data"],
         "handle_connect": ["event"],
+        "handle_cont": ["event"],
         "handle_ping": [],
         "handle_pong": ["event"],
         "keepalive_timeout": [],
