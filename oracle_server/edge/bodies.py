@@ -15,6 +15,7 @@ BODY_WITHIN = 30.0
 _SLOWEST = 2**16
 """Bytes a second that a larger one must arrive with, on average."""
 _NO_FORM = "a form is not read: send the file itself as the body, as `curl --data-binary @FILE` does"
+_NOT_PACKED = "a compressed body is not read: send it as it is, without `Content-Encoding`"
 
 
 def _is_form(scope: Scope) -> bool:
@@ -24,8 +25,14 @@ def _is_form(scope: Scope) -> bool:
     )
 
 
+def _is_packed(scope: Scope) -> bool:
+    """Whether a body is compressed: read as it comes, it would be no text, or a recording that is damaged."""
+    codings = (value.strip().lower() for name, value in scope.get("headers", ()) if name == b"content-encoding")
+    return any(coding not in (b"", b"identity") for coding in codings)
+
+
 class Bodies:
-    """ASGI middleware that answers 413 to a body that is too large, 408 to one that takes too long, 415 to a form."""
+    """ASGI middleware that refuses bodies: 413 where too large, 408 where too slow, 415 for a form, or compressed."""
 
     def __init__(self, app: ASGIApp, larger: Mapping[str, int] | None = None) -> None:
         """`larger`: the most bytes that the bodies of some paths may have instead."""
@@ -39,12 +46,12 @@ class Bodies:
         most = self._larger.get(scope["path"], MAX_BODY)
         size, over, answered = 0, False, asyncio.Event()
         deadline = asyncio.get_running_loop().time() + BODY_WITHIN
-        form = _is_form(scope)
+        unread = _NO_FORM if _is_form(scope) else _NOT_PACKED if _is_packed(scope) else None
 
         async def counted() -> Message:
             nonlocal size, over, deadline
-            if form and not answered.is_set():
-                raise HTTPException(415, _NO_FORM)
+            if unread is not None and not answered.is_set():
+                raise HTTPException(415, unread)
             if over or answered.is_set():  # all that matters by then is the disconnect, which has no time limit
                 return await receive()
             try:

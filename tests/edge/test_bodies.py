@@ -70,7 +70,14 @@ async def test_a_body_that_does_not_come_ends_no_answer_that_has_begun(monkeypat
     assert [message["type"] for message in heard] == ["http.request", "http.request", "http.disconnect"]
 
 
-async def test_a_form_is_refused() -> None:
+REFUSED = [
+    ((b"content-type", b"multipart/form-data; boundary=x"), "a form is not read: send the file itself as the body, as"),
+    ((b"content-encoding", b"GZIP"), "a compressed body is not read: send it as it is"),
+]
+
+
+@pytest.mark.parametrize(("header", "reason"), REFUSED, ids=["form", "compressed"])
+async def test_what_is_not_the_body_itself_is_refused(header: tuple[bytes, bytes], reason: str) -> None:
     """As `curl -F` sends it: what stands around the file was taken for its first lines."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -82,6 +89,21 @@ async def test_a_form_is_refused() -> None:
     async def send(_: Message) -> None:
         raise AssertionError
 
-    headers = [(b"content-type", b"multipart/form-data; boundary=x")]
-    with pytest.raises(HTTPException, match="415: a form is not read: send the file itself as the body, as `curl "):
-        await Bodies(app)({"type": "http", "path": "/", "headers": headers}, nothing, send)
+    with pytest.raises(HTTPException, match=f"415: {reason}"):
+        await Bodies(app)({"type": "http", "path": "/", "headers": [header]}, nothing, send)
+
+
+async def test_a_body_that_says_that_it_is_not_compressed_is_read() -> None:
+    got: list[Message] = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        got.append(await receive())
+
+    async def receive() -> Message:
+        return {"type": "http.request", "body": b"x"}
+
+    async def send(_: Message) -> None:
+        raise AssertionError
+
+    await Bodies(app)({"type": "http", "path": "/", "headers": [(b"content-encoding", b"identity")]}, receive, send)
+    assert got == [{"type": "http.request", "body": b"x"}]
