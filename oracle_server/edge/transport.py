@@ -54,11 +54,15 @@ class HttpTransport(H11Protocol):
         self.app_state = {**self.app_state, VISITOR: self.visitor}
 
     def data_received(self, data: bytes) -> None:
-        """Process data, and abort where the head of a request takes longer than `REQUEST_WITHIN` in all."""
+        """Process data, and abort where a head takes longer than `REQUEST_WITHIN`, or the rest of an answered body.
+
+        A proxy may leave off such a body and send the next request, which would wait as a part of it.
+        """
         if self.transport.is_closing():
             return
         super().data_received(data)
-        waits = self.conn.their_state is h11.IDLE and (self.cycle is None or self.cycle.response_complete)
+        is_due = self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
+        waits = is_due and (self.cycle is None or self.cycle.response_complete)
         if not waits:
             self._stop_request_timer()
         elif self._request_timer is None and self.cycle is not None:
