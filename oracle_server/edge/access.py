@@ -52,7 +52,7 @@ class Access:
             await self._app(scope, receive, send)
             return
         token = _bearer(scope)
-        grant = self._tokens.grant(token)
+        grant = await self._tokens.grant(token)
         needed = self._scopes.needed(scope)
         state = scope.setdefault("state", {})
         visitor: Visitor | None = state.get(VISITOR)
@@ -96,7 +96,7 @@ class Access:
         """End, for as long as this runs, what was opened by a token that is removed or changed."""
         while True:
             await asyncio.sleep(_RECHECK)
-            if self._tokens.refreshed():
+            if await self._tokens.refreshed():
                 self.end_revoked()
 
     def end_revoked(self) -> None:

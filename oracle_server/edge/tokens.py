@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import hashlib
 import os
@@ -9,7 +10,7 @@ import secrets
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -42,9 +43,11 @@ class Token(BaseModel):
 
 
 class _File(BaseModel):
+    """A file as it is written; its tokens are looked at one by one, since others have the interpreter between them."""
+
     model_config = ConfigDict(extra="forbid")
 
-    tokens: list[Token] = []
+    tokens: list[dict[str, Any]] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +91,7 @@ class Tokens:
     """The tokens of a file, which is read again whenever it has changed.
 
     Once there was a file, a token is needed until the server ends: with a file that is lost or damaged, every request
-    is refused.
+    is refused. It is read in a thread, and requests wait for that: ten thousand take a tenth of a second.
     """
 
     def __init__(self, path: Path) -> None:
@@ -97,19 +100,20 @@ class Tokens:
         self._seen: tuple[int, ...] | None = None
         self._grants: dict[str, Grant] = {}
         self._changed = True
+        self._reading = asyncio.Lock()
         self.required = _is_there(path)
         if self.required:
             self._seen = _stat(path)  # before reading: a change meanwhile is noticed the next time
             self._grants = _grants(path)
 
-    def grant(self, token: str | None) -> Grant | None:
+    async def grant(self, token: str | None) -> Grant | None:
         """The grant of a token, None for an unknown one."""
-        self._refresh()
+        await self._refresh()
         return self.known(hash_of(token or ""))  # how long that takes tells of the hash, and nothing of a token
 
-    def refreshed(self) -> bool:
+    async def refreshed(self) -> bool:
         """Read the file again if it has changed; whether it was read since the last call."""
-        self._refresh()
+        await self._refresh()
         changed, self._changed = self._changed, False
         return changed
 
@@ -117,16 +121,19 @@ class Tokens:
         """The grant of a token by its hash, as of when the file was last read; None for an unknown one."""
         return self._grants.get(offered) if self.required else EVERYTHING
 
-    def _refresh(self) -> None:
-        seen = _stat(self._path)
-        if seen == self._seen:
+    async def _refresh(self) -> None:
+        if _stat(self._path) == self._seen:
             return
-        self._seen, self._grants, self._changed = seen, {}, True
-        self.required = True
-        try:
-            self._grants = _grants(self._path)
-        except TokenError as error:
-            log.error("the tokens can't be read: all requests are refused", reason=str(error))
+        async with self._reading:
+            seen = _stat(self._path)
+            if seen == self._seen:
+                return
+            grants: dict[str, Grant] = {}
+            try:
+                grants = await asyncio.to_thread(_grants, self._path)
+            except TokenError as error:
+                log.error("the tokens can't be read: all requests are refused", reason=str(error))
+            self._seen, self._grants, self._changed, self.required = seen, grants, True, True
 
 
 def _grants(path: Path) -> dict[str, Grant]:
@@ -199,18 +206,23 @@ def _stat(path: Path) -> tuple[int, ...] | None:
 
 
 def _read(path: Path) -> list[Token]:
+    found: list[Token] = []
+    at = ""
     try:
         if path.is_fifo():  # to read it would wait for who writes to it, with all requests
             raise TokenError(f"{path}: is a pipe, and no file; `oracle-server token add` makes one where there is none")
         if path.stat().st_mode & 0o077:
             raise TokenError(f"{path}: other users may read it; run `chmod 600 {path}`")
-        return _File.model_validate_json(path.read_bytes()).tokens
+        for number, token in enumerate(_File.model_validate_json(path.read_bytes()).tokens):
+            at = f"tokens.{number}."
+            found.append(Token.model_validate(token))
     except OSError as error:
         raise _unreadable(path, error) from None
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
+        where = at + ".".join(str(part) for part in first["loc"])
         raise TokenError(f"{path}: {where + ': ' if where else ''}{why(first)}") from None
+    return found
 
 
 @contextlib.contextmanager
@@ -231,7 +243,8 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _write(path: Path, tokens: list[Token]) -> None:
-    text = _File(tokens=tokens).model_dump_json(indent=2, exclude_none=True) + "\n"
+    content = _File(tokens=[token.model_dump(mode="json", exclude_none=True) for token in tokens])
+    text = content.model_dump_json(indent=2) + "\n"
     draft = path.with_name(path.name + ".draft")
     try:
         draft.unlink(missing_ok=True)

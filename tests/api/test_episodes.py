@@ -87,7 +87,7 @@ async def test_a_bound_token_sees_its_own_alone(
     filled: Asked, tmp_path: Path, bound: dict[str, list[str]], seen: set[str]
 ) -> None:
     headers = {"Authorization": f"Bearer {await asyncio.to_thread(_token, tmp_path, bound)}"}
-    filled.guarded._tokens.refreshed()
+    await filled.guarded._tokens.refreshed()
     response = await filled.http.get("/api/v1/episodes", headers=headers)
     assert {e["session"] for e in response.json()["items"]} == seen
     for name in ("s", "t"):
@@ -109,7 +109,7 @@ async def test_a_bound_token_sees_the_runs_in_which_its_session_goes_on(asked: A
         live.ledger.write()
     await asked.registry._history.flush()
     headers = {"Authorization": f"Bearer {await asyncio.to_thread(_token, tmp_path, {'sessions': ['s', long]})}"}
-    asked.guarded._tokens.refreshed()
+    await asked.guarded._tokens.refreshed()
 
     async def seen(path: str) -> set[str]:
         found = (await asked.http.get(f"/api/v1/{path}", headers=headers)).json()["items"]

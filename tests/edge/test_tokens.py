@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from oracle_server.edge import tokens
 from oracle_server.edge.tokens import Grant, TokenError, Tokens, add, listed, remove
 from oracle_server.sessions.runs import named
+from tests.processes import PATIENCE
 
 
 def test_tokens_that_come_and_go_at_once_undo_each_other_nowhere(tmp_path: Path) -> None:
@@ -39,14 +43,52 @@ SPOILING: list[Callable[[Path], object]] = [
 
 
 @pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable", "pipe"])
-def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[Path], object]) -> None:
+async def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[Path], object]) -> None:
     file = tmp_path / "tokens.json"
     secret = add(file, "a", ["admin"])
-    tokens = Tokens(file)
-    assert tokens.grant(secret)
+    known = Tokens(file)
+    assert await known.grant(secret)
     spoil(file)
-    assert tokens.grant(secret) is None
-    assert tokens.grant(None) is None
+    assert await known.grant(secret) is None
+    assert await known.grant(None) is None
+
+
+async def test_others_are_served_while_a_file_is_read_and_who_asks_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, go_on, reads = tmp_path / "tokens.json", threading.Event(), list[Path]()
+    gone = add(file, "gone", ["admin"])
+    known = Tokens(file)
+    remove(file, "gone")
+    there = add(file, "there", ["read"])
+
+    def slowly(path: Path) -> dict[str, Grant]:
+        reads.append(path)
+        assert go_on.wait(PATIENCE), "the event loop waits for it"
+        return read(path)
+
+    read = tokens._grants
+    monkeypatch.setattr(tokens, "_grants", slowly)
+    asked = [asyncio.create_task(known.grant(secret)) for secret in (gone, there, gone)]
+    async with asyncio.timeout(PATIENCE):
+        while not reads:
+            await asyncio.sleep(0)
+        assert not any(task.done() for task in asked)
+        go_on.set()
+        assert await asyncio.gather(*asked) == [None, Grant(frozenset({"read"})), None]
+    assert len(reads) == 1
+
+
+def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "tokens.json"
+    add(file, "a", ["read"])
+    add(file, "b", ["read"])
+    file.write_text(file.read_text().replace('"b"', '"b b"'))
+    with pytest.raises(TokenError, match=r"tokens\.json: tokens\.1\.name: "):
+        Tokens(file)
+    file.write_text('{"tokens": [1]}')
+    with pytest.raises(TokenError, match=r"tokens\.json: tokens\.0: "):
+        Tokens(file)
 
 
 def test_a_file_that_can_not_be_seen_is_not_taken_for_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,9 +147,9 @@ def test_a_robots_session_at_a_centre_is_covered_by_its_own_name_alone() -> None
     assert not own.covers_session("s1@robot7")
 
 
-def test_a_token_is_bound_to_a_robots_session(tmp_path: Path) -> None:
+async def test_a_token_is_bound_to_a_robots_session(tmp_path: Path) -> None:
     path = tmp_path / "tokens.json"
     token = add(path, "r7", ["read"], None, ["s1@robot7"])
-    assert Tokens(path).grant(token) == Grant(frozenset({"read"}), sessions=frozenset({"s1@robot7"}))
+    assert await Tokens(path).grant(token) == Grant(frozenset({"read"}), sessions=frozenset({"s1@robot7"}))
     with pytest.raises(TokenError):
         add(path, "r8", ["read"], None, ["s1@"])
