@@ -96,8 +96,11 @@ class Access:
         """End, for as long as this runs, what was opened by a token that is removed or changed."""
         while True:
             await asyncio.sleep(_RECHECK)
-            if await self._tokens.refreshed():
-                self.end_revoked()
+            try:
+                if await self._tokens.refreshed():
+                    self.end_revoked()
+            except Exception:  # without this task, what a removed token has opened would go on
+                log.exception("it can't be seen whether tokens were removed")
 
     def end_revoked(self) -> None:
         """End every request and WebSocket whose token does not allow now what it allowed when they began."""

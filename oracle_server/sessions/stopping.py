@@ -59,13 +59,18 @@ async def settle(sessions: Collection[LiveSession], history: History, within: fl
     Oracles elsewhere have `within` seconds to answer. A session that fails at that is logged, and left as the history
     has it: the next server restores it, as all others.
     """
-    closed = [session for session in sessions if _done(session, session.close)]
+    closed = []
+    for session in [*sessions]:
+        if _done(session, session.close):
+            closed.append(session)
+        await asyncio.sleep(0)  # so that decisions of others wait for one session, not for thousands
     ends = await asyncio.gather(*(session.settle(within) for session in closed), return_exceptions=True)
     for session, failure in zip(closed, ends, strict=True):
         if isinstance(failure, Exception):
             _tell(session, failure)
         else:
             _done(session, session.ledger.save)
+        await asyncio.sleep(0)
     try:
         async with asyncio.timeout(_FLUSH_WITHIN):
             await history.flush()

@@ -8,11 +8,17 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from starlette.types import Receive, Scope, Send
 
 from oracle_server.edge import tokens
+from oracle_server.edge.access import Access
+from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Grant, TokenError, Tokens, add, listed, remove
+from oracle_server.edge.transport import VISITOR
 from oracle_server.sessions.runs import named
 from tests.processes import PATIENCE
 
@@ -77,6 +83,42 @@ async def test_others_are_served_while_a_file_is_read_and_who_asks_waits(
         go_on.set()
         assert await asyncio.gather(*asked) == [None, Grant(frozenset({"read"})), None]
     assert len(reads) == 1
+
+
+async def test_what_was_opened_ends_though_a_look_before_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, opened, ended = tmp_path / "tokens.json", asyncio.Event(), asyncio.Event()
+    secret, failing = add(file, "a", ["read"]), [MemoryError()]
+    visitor = SimpleNamespace(prove=lambda: True, end=ended.set, address="127.0.0.1")
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        opened.set()
+        await asyncio.Future()
+
+    async def nothing(*_: object) -> Any:
+        raise AssertionError
+
+    def read_at_last(path: Path) -> dict[str, Grant]:
+        if failing:
+            raise failing.pop()
+        return read(path)
+
+    read = tokens._grants
+    access = Access(app, Tokens(file), RouteScopes([]))
+    headers = [(b"authorization", f"Bearer {secret}".encode())]
+    scope = {"type": "http", "headers": headers, "state": {VISITOR: visitor}}
+    monkeypatch.setattr("oracle_server.edge.access._RECHECK", 0.0)
+    async with asyncio.timeout(PATIENCE):
+        tasks = [asyncio.create_task(access(scope, nothing, nothing)), asyncio.create_task(access.watch())]
+        await opened.wait()
+        monkeypatch.setattr(tokens, "_grants", read_at_last)
+        remove(file, "a")
+        await ended.wait()
+    assert not failing
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path: Path) -> None:

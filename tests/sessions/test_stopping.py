@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
@@ -106,3 +108,32 @@ async def test_all_that_is_held_is_judged_at_the_end_but_for_a_session_that_fail
     assert await history.snapshot(other.number) is not None
     assert [frame["code"] for frame in told.frames if frame["type"] == "error"] == ["shutting_down"]
     assert await refused(sessions) == "shutting_down"
+
+
+async def test_others_are_served_between_two_sessions_that_are_left(
+    history: Known, sessions: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Thousands that were left at once kept the last ones' decisions waiting for seconds."""
+    for name in ("one", "two", "three"):
+        await holding(sessions, name)
+    turns, at = 0, dict[str, list[int]](close=[], save=[])
+
+    async def count() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0)
+
+    def noting(name: str, work: Callable[[Any], None]) -> Callable[[Any], None]:
+        def noted(self: Any) -> None:
+            at[name].append(turns)
+            work(self)
+
+        return noted
+
+    monkeypatch.setattr(LiveSession, "close", noting("close", LiveSession.close))
+    monkeypatch.setattr(Ledger, "save", noting("save", Ledger.save))
+    counting = asyncio.create_task(count())
+    await sessions.shut_down()
+    counting.cancel()
+    assert all(len(turns) == len({*turns}) == 3 for turns in at.values()), at
