@@ -165,7 +165,16 @@ class Ledger:
         self._history.amend(self._session, monitor.name, message.seq, handling, partial(self._amended, monitor))
 
     def answer_duplicate(self, monitor: Monitor, message: AnyEvent) -> None:
-        """Send the decision on an event that was received before, and acknowledge it where it is committed."""
+        """Send the decision on an event that was received before, and acknowledge it where it is committed.
+
+        Raises `WireError` where another process of the monitor's name has sent that one.
+        """
+        if message.seq < monitor.first:
+            self.refused += 1
+            monitor.lost += 1
+            self._core.note_loss()
+            why = f"{message.seq} is the number of an event of another process: go on at `next`, {monitor.first}"
+            raise WireError("bad_seq", why, seq=message.seq)
         outbox, decision = monitor.outbox, monitor.decisions.get(message.seq)
         if message.ask and outbox and decision is not None:
             outbox.send(decision)

@@ -143,8 +143,8 @@ class LiveSession:
         self.credit.spend(monitor.name)
         gap = monitor.numbering.take(message.seq)
         if gap is None:
-            self._count_duplicate(monitor, StreamKey(message.stream, message.kind))
             self.ledger.answer_duplicate(monitor, message)
+            self._count_duplicate(monitor, StreamKey(message.stream, message.kind))
             return []
         key = StreamKey(message.stream, message.kind)
         if key not in monitor.streams:

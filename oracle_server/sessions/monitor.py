@@ -49,6 +49,8 @@ class Monitor:
     name: str
     instance: str
     numbering: Numbering
+    first: int = 0
+    """The number that its process was told to go on at; lower ones are another's. 0 where no other was there."""
     outbox: Outbox | None = None
     streams: tuple[StreamKey, ...] = ()
     attached: bool = False
@@ -103,6 +105,7 @@ class Monitor:
             self.numbering.resume()
         else:
             self.numbering.restart()
+            self.first = self.numbering.next
         self.reports = {key: report for key, report in self.reports.items() if key in streams}
         self.bypasses = {key: bypass for key, bypass in self.bypasses.items() if key in streams}
         self.instance, self.outbox, self.streams, self.detaching = wanted.instance, outbox, streams, False
