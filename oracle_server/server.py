@@ -256,7 +256,9 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             works.append(forwarding.run())
         if door.foxglove is not None:
             works.append(Live(door.foxglove, registry, history, lambda: _may_draw(settings, door.tokens)).run())
-        beside = [asyncio.create_task(work) for work in works]
+        beside = [asyncio.create_task(work, name=getattr(work, "__qualname__", None)) for work in works]
+        for task in beside:
+            task.add_done_callback(_tell_failure)
         try:
             await _Server(config, registry, recordings, settings, door).serve(sockets=[door.listener])
         finally:
@@ -266,6 +268,13 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             checking.close()
             if forwarding is not None:
                 forwarding.close()
+
+
+def _tell_failure(task: asyncio.Task[None]) -> None:
+    """Log that something which is done beside the sessions has ended by an error: nobody waits for it."""
+    if not task.cancelled() and task.exception() is not None:
+        what = "something that the server does beside its sessions has failed, and is not done any more"
+        log.error(what, task=task.get_name(), exc_info=task.exception())
 
 
 def _hosts(settings: Settings) -> list[str]:
