@@ -9,6 +9,7 @@ import pytest_asyncio
 from playwright.async_api import Browser, Page, expect
 
 from tests.whole.client import attached, make_clock, make_event
+from tests.whole.dashboard.focus import focus
 from tests.whole.dashboard.test_hostile import EVIL
 from tests.whole.harness import Server
 
@@ -49,7 +50,7 @@ async def test_each_part_of_the_formula_is_told_at_each_step(page: Page, told: s
     await expect(atom.locator("td").first).to_have_text("✗ fails")
     await expect(page.locator(".parts .cause code")).to_have_text("not")
     slider = page.get_by_role("slider", name="Step")
-    await slider.focus()
+    await focus(slider)
     await page.keyboard.press("ArrowLeft")
     await expect(slider).to_be_focused()
     await expect(whole.locator("td").first).to_have_text("✓ holds")
@@ -105,7 +106,7 @@ async def test_the_diagram_is_walked_by_keys_and_opens_verdicts(page: Page, told
     await expect(page.locator(".sequence .hint").first).to_have_text("4 events, 2 more do not concern docks_still")
     chosen = page.locator(".diagram a.here")
     await expect(page.locator('.diagram a[tabindex="0"]')).to_have_count(1)
-    await chosen.focus()
+    await focus(chosen)
     await page.keyboard.press("ArrowDown")
     await expect(chosen).not_to_be_focused()
     await page.set_viewport_size({"width": 1100, "height": 720})  # where it is drawn anew the same row is the stop

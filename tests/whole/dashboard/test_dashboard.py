@@ -7,6 +7,7 @@ import re
 from playwright.async_api import Page, expect
 
 from tests.whole.client import attached, make_event
+from tests.whole.dashboard.focus import focus
 from tests.whole.harness import Server
 
 SMALL, BIG = {"v": 1}, {"v": 11}
@@ -191,7 +192,7 @@ async def test_the_page_is_walked_with_few_stops(server: Server, session: str, p
     await expect(page.locator("main")).to_be_focused()
     assert page.url.endswith(f"#/sessions/{session}"), "what is shown stays"
     last = page.locator(".chart td > a[tabindex='0']")
-    await last.focus()
+    await focus(last)
     label = await last.get_attribute("aria-label") or ""
     assert " at step 40:" in label
     await page.keyboard.press("ArrowLeft")

@@ -11,6 +11,7 @@ from playwright.async_api import Page, expect
 from oracle_server.edge.tokens import add
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import Starts
+from tests.whole.dashboard.focus import focus
 from tests.whole.dashboard.test_troubles import Held
 from tests.whole.harness import Server, problem
 
@@ -35,7 +36,7 @@ async def test_a_spec_is_written_checked_and_stored_by_keyboard_alone(server: Se
     await page.get_by_label("id of a new spec").fill(session)
     await page.keyboard.press("Enter")
     await expect(page.locator("#told")).to_have_text("sound")
-    await page.locator(FIELD).focus()
+    await focus(page.locator(FIELD))
     await page.keyboard.press("Control+A")
     await page.keyboard.insert_text(TEXT.format(id=session).replace("v < 5", "v <"))
     await expect(page.locator("#told")).to_have_text("not sound, 1 error")

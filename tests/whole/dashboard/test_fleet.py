@@ -13,6 +13,7 @@ from playwright.async_api import Page, Route, expect
 
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import Starts
+from tests.whole.dashboard.focus import focus
 from tests.whole.harness import Server
 
 MANY, EACH = 1000, 20
@@ -82,7 +83,7 @@ async def test_who_needs_somebody_is_found_among_a_thousand(fleet: Server, page:
     await kinds.get_by_role("button", name="Wrong now").click()
     await expect(names).to_have_count(2)
     assert await page.locator(".sessions a[tabindex='0']").count() == 1, "the list is one stop"
-    await names.first.focus()
+    await focus(names.first)
     await page.keyboard.press("ArrowDown")
     await expect(names.nth(1)).to_be_focused()
     await page.locator(".sessions a.bad").first.click()

@@ -10,6 +10,7 @@ from playwright.async_api import Page, Response, expect
 
 from tests.whole.client import BASE
 from tests.whole.conftest import Starts
+from tests.whole.dashboard.focus import focus
 from tests.whole.dashboard.long import APART, EVERY, LONG, STEPS, fill
 from tests.whole.dashboard.test_timeline import PIXEL
 
@@ -35,7 +36,7 @@ async def test_a_million_steps_are_zoomed_by_asking_little(start: Starts, page: 
     await expect(page.locator(".now .card")).to_have_count(2)
     opened = len(answers)
     assert opened <= 4, "how far it reaches, and what is in view"
-    await page.locator(".plots").focus()
+    await focus(page.locator(".plots"))
     for key in MOVES:
         await page.keyboard.press(key)
     await expect(page).to_have_url(re.compile("from="))

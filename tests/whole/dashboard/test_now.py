@@ -10,6 +10,7 @@ import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from tests.whole.client import BASE, Monitor, attached, make_event, make_events
+from tests.whole.dashboard.focus import focus
 from tests.whole.harness import Server
 
 SECOND = 1000
@@ -97,7 +98,7 @@ async def test_a_card_leads_to_its_time_and_explains(page: Page, monitor: Monito
 async def test_keys_step_through_the_episodes(page: Page, monitor: Monitor) -> None:
     heading = page.locator(".verdict").get_by_role("heading")
     await expect(page.locator(".now .card")).to_have_count(2)
-    await page.locator(".plots").focus()
+    await focus(page.locator(".plots"))
     for key, step in (("[", 30), ("[", 10), ("]", 30), ("]", 50), ("]", 50), ("[", 30)):
         await page.keyboard.press(key)
         await expect(heading).to_contain_text(f"currently_false at step {step}, ")
@@ -110,7 +111,7 @@ async def test_rows_are_walked_by_arrows_and_explained_by_enter(page: Page, moni
     await expect(row).to_have_attribute(
         "aria-label", re.compile("^a_is_small: currently_false; failed .*00:50.* now, ")
     )
-    await page.locator(".plots").focus()
+    await focus(page.locator(".plots"))
     await page.keyboard.press("ArrowDown")
     await expect(row).to_be_focused()
     await page.keyboard.press("Enter")
@@ -175,7 +176,7 @@ async def test_an_address_opens_the_same_part_of_time_and_the_same_verdict(
     await expect(live).to_have_text("Go live")
     await expect(page.locator(".time .shown")).to_have_text(re.compile("00:09.000 to .*00:19.000"))
     assert page.url == address
-    await page.locator(".plots").focus()
+    await focus(page.locator(".plots"))
     await page.keyboard.press("ArrowRight")
     await expect(page).to_have_url(re.compile(f"from={begin + 2 * 10**9}&to={begin + 12 * 10**9}&n=11$"))
     await page.keyboard.press("l")

@@ -7,6 +7,7 @@ import time
 from playwright.async_api import Page, expect
 
 from tests.whole.client import attached, make_event
+from tests.whole.dashboard.focus import focus
 from tests.whole.harness import Server
 
 AHEAD = 86_400 * 10**9
@@ -25,7 +26,7 @@ async def test_what_is_skewed_is_found_where_its_lane_shows_it(server: Server, s
     assert [item["n"] for item in around["items"]] == [2]
     await page.goto(f"{server.url}/#/sessions/{session}?from={arrived - 10**9}&to={arrived + 2 * 10**9}")
     await expect(page.locator(".lane.property")).to_have_count(1)
-    await page.locator(".plots").focus()
+    await focus(page.locator(".plots"))
     await page.keyboard.press("ArrowDown")
     await page.keyboard.press("Enter")
     await expect(page.locator(".verdict").get_by_role("heading").first).to_contain_text("currently_false at step 2")

@@ -11,6 +11,7 @@ import pytest_asyncio
 from playwright.async_api import Page, Route, expect
 
 from tests.whole.client import BASE, Monitor, attached, make_event
+from tests.whole.dashboard.focus import focus
 from tests.whole.harness import Server
 
 SMALL, BIG = {"v": 1}, {"v": 11}
@@ -110,7 +111,7 @@ async def test_it_is_moved_by_keys_alone(page: Page, monitor: Monitor) -> None:
     plots = page.locator(".plots")
     live = page.locator(".time").get_by_role("button", name=re.compile("live", re.IGNORECASE))
     await expect(live).to_have_attribute("aria-pressed", "true")
-    await plots.focus()
+    await focus(plots)
     await page.keyboard.press("0")
     await expect(live).to_have_text("Go live")
     whole = await shown(page)
