@@ -150,6 +150,27 @@ def test_an_action_is_observed_without_a_proxy(tmp_path: Path) -> None:
         process.ends_well()
 
 
+def test_a_reply_that_comes_before_its_goal_is_told(tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", "reply", "status", via="introspection", proxy="")) as (
+        scene,
+        oracle,
+        process,
+    ):
+        peer = scene.peer()
+        peer.advertise(msg.TestActionGoal, "/count/goal")
+        peer.advertise(GoalStatusArray, "/count/status")
+        peer.publish(
+            "/count/status", GoalStatusArray(status_list=[GoalStatus(GoalID(id="early"), GoalStatus.ACTIVE, "")])
+        )
+        oracle.heard("status", 1)
+        assert oracle.heard("reply") == []
+        peer.publish("/count/goal", msg.TestActionGoal(goal_id=GoalID(id="early")))
+        [reply] = oracle.heard("reply", 1)
+        [goal] = oracle.heard("goal", 1)
+        assert (reply["goal_id"], reply["status"], reply["call"]) == ("early", "accepted", goal["call"])
+        process.ends_well()
+
+
 @pytest.mark.parametrize("via", ["introspection", "proxy"])
 def test_how_goals_stood_before_is_not_told(via: str, tmp_path: Path) -> None:
     described = streams("status", via=via, proxy="/count_mon" if via == "proxy" else "")

@@ -83,9 +83,16 @@ class LoggedAction:
             self._report("goal", self._events.event("goal", found, found.goal, goal_id, call=call))
             if goal_id:
                 self._events.expect_reply(goal_id, call)
+                self._take_told(goal_id)
             else:
                 node = node_of(header_of(message))
                 self._nameless = f"{node} sends goals without an id: {_NAMELESS}"
+
+    def _take_told(self, goal_id: str) -> None:
+        """Report the reply that came before the goal, on another topic: the server does not say it again."""
+        array, code = self._statuses.last, self._statuses.told(goal_id)
+        if array is not None and code is not None:
+            self._events.answered(goal_id, code, array.header)
 
     def _take_cancel(self, message: rospy.AnyMsg) -> None:
         found = self._events.decoded("cancel", message)

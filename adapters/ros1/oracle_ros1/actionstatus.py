@@ -101,6 +101,11 @@ class Statuses:
         refused = {goal for goal, (own, _) in self._own.items() if own.code in _REFUSED}
         return [(goal, code) for goal, code in codes.items() if before.get(goal) != code and goal not in refused]
 
+    def told(self, goal_id: str) -> Optional[int]:
+        """How a goal stood when a server last said it; None where none has."""
+        last = reversed(list(self._codes.values()))  # a copy: the next array may just come
+        return next((codes[goal_id] for codes in last if goal_id in codes), None)
+
     def view(self, now: float) -> Optional[rospy.AnyMsg]:
         """What clients are to see of the last array; as it came where that is as the server has it."""
         array = self.last
