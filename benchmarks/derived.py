@@ -14,7 +14,7 @@ from oracle_server.core.derived.state import Derived
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.session import Session
 from oracle_server.engines.native import NativeEngine

@@ -37,7 +37,7 @@ from lines import Line, table
 from websockets.asyncio.client import ClientConnection, connect, unix_connect
 
 from oracle_server.core.events import Event, Step, StreamKey
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.spec import orders
 from oracle_server.engines.table import make_engines

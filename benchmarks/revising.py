@@ -27,7 +27,7 @@ from lines import Line, table
 from oracle import battery_events
 
 from oracle_server.core.events import Event, Step, StreamKey
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.spec import SECOND

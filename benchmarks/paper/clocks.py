@@ -23,7 +23,7 @@ from benchmarks.paper.kept import Data, read
 from benchmarks.paper.stalled import CALM, JUDGE
 from benchmarks.paper.truth import Name, Said, in_order, judged, wrong_ones
 from oracle_server.core.events import StreamKey
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
 from oracle_server.core.spec import Spec
 from oracle_server.specfiles.load import load_spec
 

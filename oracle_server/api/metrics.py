@@ -15,7 +15,7 @@ from prometheus_client.registry import Collector
 
 from oracle_server.api.packing import packed_answer
 from oracle_server.api.routes import Routes
-from oracle_server.core.asked import unasked
+from oracle_server.core.judging.asked import unasked
 from oracle_server.core.tally import BOUNDS
 from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_all

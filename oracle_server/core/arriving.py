@@ -8,8 +8,8 @@ import msgspec
 
 from oracle_server.core.boot import PublicationTimes
 from oracle_server.core.events import Event, Projected, Signals, Step
+from oracle_server.core.ordering.simulated import SimulatedTime
 from oracle_server.core.plan import Plan
-from oracle_server.core.simulated import SimulatedTime
 
 _NOTHING: Signals = {}
 _NONE = frozenset[str]()

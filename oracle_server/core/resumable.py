@@ -7,10 +7,10 @@ from collections import defaultdict
 
 from oracle_server.core.asking import Asking
 from oracle_server.core.events import ENDED, Order, Source, Step, StreamKey
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.kinds import TICK
+from oracle_server.core.ordering.reorder import ReorderBuffer
 from oracle_server.core.plan import Plan
-from oracle_server.core.reorder import ReorderBuffer
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.rows import Rows
 from oracle_server.core.snapshot import SessionSnapshot

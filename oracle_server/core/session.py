@@ -12,17 +12,17 @@ from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Source, Step, StreamKey
-from oracle_server.core.judge import Judge
-from oracle_server.core.monitorclocks import MonitorClocks
+from oracle_server.core.judging.judge import Judge
+from oracle_server.core.ordering.monitorclocks import MonitorClocks
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering.settling import NEVER, Settling
+from oracle_server.core.ordering.simulated import ClockReading, SimulatedTime
 from oracle_server.core.plan import Plan
-from oracle_server.core.reorder import Released, ReorderBuffer
 from oracle_server.core.resumable import Resumable
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.rows import Rows
-from oracle_server.core.settling import NEVER, Settling
-from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import SECOND, orders
 from oracle_server.core.tally import HoldTimes
 from oracle_server.core.verdicts import FINAL, Judged

@@ -11,7 +11,7 @@ import msgspec
 
 from oracle_server.core.episode import Episode, EpisodeRecord, Worst
 from oracle_server.core.events import Order
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.records import SessionRecord

@@ -8,7 +8,7 @@ from operator import attrgetter
 
 import msgspec
 
-from oracle_server.core.numbering import Numbering
+from oracle_server.core.ordering.numbering import Numbering
 from oracle_server.history.episodes import KeptEpisodes
 from oracle_server.history.records import (
     Document,

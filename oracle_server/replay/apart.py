@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 
-from oracle_server.core.apart import unseen
 from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.hazards.apart import unseen
 from oracle_server.core.spec import Spec
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from oracle_server.core.asked import Idle
 from oracle_server.core.formula.tree import Atom
+from oracle_server.core.judging.asked import Idle
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.plan import can_meet
 from oracle_server.core.session import Session

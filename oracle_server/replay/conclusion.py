@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from oracle_server.core.asked import told
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Signal
+from oracle_server.core.judging.asked import told
 from oracle_server.core.plan import can_meet
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import SECOND, Property, Spec

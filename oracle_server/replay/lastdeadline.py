@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from oracle_server.core.kinds import TICK
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay.recording import Recorded

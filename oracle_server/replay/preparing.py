@@ -7,7 +7,7 @@ from pathlib import Path
 
 from oracle_server.core.errors import Finding, FindingKind, SpecError
 from oracle_server.core.events import By
-from oracle_server.core.hazards import UNDO_BY_BOTH
+from oracle_server.core.hazards.inspection import UNDO_BY_BOTH
 from oracle_server.history.views import View
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay

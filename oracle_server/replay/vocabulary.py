@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from oracle_server.core.asked import Idle
 from oracle_server.core.atoms import shortened
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
+from oracle_server.core.judging.asked import Idle
 from oracle_server.core.nearest import near
 from oracle_server.core.ranges import range_of
 from oracle_server.core.spec import Spec

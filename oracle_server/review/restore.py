@@ -15,7 +15,7 @@ import structlog
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.engine import Answer
 from oracle_server.core.events import Order, Step, StreamKey, TimeBase
-from oracle_server.core.numbering import JUDGED, Numbering
+from oracle_server.core.ordering.numbering import JUDGED, Numbering
 from oracle_server.core.plan import Plan
 from oracle_server.core.revise.kept import MOST
 from oracle_server.core.session import Session

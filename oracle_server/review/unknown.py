@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from oracle_server.core.judging.presence import grace
 from oracle_server.core.plan import Plan
-from oracle_server.core.presence import grace
 from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.port import Reading

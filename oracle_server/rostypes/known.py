@@ -8,9 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
+from oracle_server.core.hazards.ros import Ros
 from oracle_server.core.kinds import ACTION
 from oracle_server.core.nearest import nearest
-from oracle_server.core.ros import Ros
 from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value, ValueKind
 from oracle_server.core.typed import Missing, TypedMessage
 from oracle_server.rostypes import standard

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from oracle_server.core.ros import Ros
+from oracle_server.core.hazards.ros import Ros
 from oracle_server.rostypes.definition import Fields
 
 

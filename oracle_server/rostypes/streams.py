@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.hazards.ros import Ros
 from oracle_server.core.kinds import ACTION
-from oracle_server.core.ros import Ros
 from oracle_server.core.shapes import Record, Value
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import Missing, StreamTypes, TypedMessage

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from oracle_server.core.apart import unseen
 from oracle_server.core.events import StreamKey
+from oracle_server.core.hazards.apart import unseen
 from oracle_server.core.spec import Spec
 from oracle_server.sessions.monitor import Monitor
 

@@ -9,7 +9,7 @@ import msgspec
 
 from oracle_server.core.episode import EpisodeChange
 from oracle_server.core.events import Order
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.episodes import StoredEpisode, going_on, told

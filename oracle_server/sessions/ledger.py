@@ -8,7 +8,7 @@ from functools import partial
 
 import structlog
 
-from oracle_server.core.numbering import JUDGED
+from oracle_server.core.ordering.numbering import JUDGED
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged

@@ -9,11 +9,11 @@ from typing import TypeVarTuple, Unpack
 
 import structlog
 
-from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
-from oracle_server.core.numbering import Numbering
+from oracle_server.core.ordering.credit import Credit
+from oracle_server.core.ordering.numbering import Numbering
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.verdicts import Judged
 from oracle_server.core.weakly import weakly
 from oracle_server.history.port import History

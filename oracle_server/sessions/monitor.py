@@ -9,7 +9,7 @@ from typing import Protocol
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import StreamKey, TimeBase
 from oracle_server.core.kinds import NOUNS
-from oracle_server.core.numbering import Numbering
+from oracle_server.core.ordering.numbering import Numbering
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Decision, DecisionFrame, Judged, decision_frame
 from oracle_server.history.records import MonitorRecord

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from oracle_server.core.asked import unasked
 from oracle_server.core.episode import Episode
-from oracle_server.core.property_state import PropertyState
+from oracle_server.core.judging.asked import unasked
+from oracle_server.core.judging.property_state import PropertyState
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.wire.frames import EpisodeStanding, Level, PropertyStanding, VerdictsFrame

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 from itertools import accumulate
 from typing import Any
 
-from oracle_server.core.asked import unasked
 from oracle_server.core.events import Source, Step
+from oracle_server.core.judging.asked import unasked
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.session import Session
 from oracle_server.core.spec import SECOND

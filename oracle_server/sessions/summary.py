@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from operator import itemgetter
 from typing import Any
 
-from oracle_server.core.asked import briefly
-from oracle_server.core.asked import told as told_idle
+from oracle_server.core.judging.asked import briefly
+from oracle_server.core.judging.asked import told as told_idle
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.history.records import Document

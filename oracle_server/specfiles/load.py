@@ -12,13 +12,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
 from oracle_server.core.formula.ahead import WORDS, first_ahead
 from oracle_server.core.formula.tree import Atom, Formula, walk
-from oracle_server.core.hazards import inspect
-from oracle_server.core.ros import Ros, ros_hazards
+from oracle_server.core.hazards.dependencies import GraphNode
+from oracle_server.core.hazards.inspection import inspect
+from oracle_server.core.hazards.ros import Ros, ros_hazards
 from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
 from oracle_server.core.stamps import Stamp
 from oracle_server.engines.table import ENGINES

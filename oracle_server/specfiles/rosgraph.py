@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import OracleError
+from oracle_server.core.hazards.dependencies import GraphNode
 
 _SEND = "/_action/send_goal"
 _HINT = "make it with `python3 -m oracle_ros2 --dump-graph`"

@@ -16,16 +16,16 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.atoms import canonical
-from oracle_server.core.deciding import is_denied
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.deciding import is_denied
+from oracle_server.core.judging.judge import Judge
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.plan import StreamPlan, plan
 from oracle_server.core.revise.kept import Kept
 from oracle_server.core.revisions import Revision, Standing
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
 from oracle_server.core.verdicts import FINAL, Judged, Outcome, explain
 from oracle_server.engines.native import NativeEngine

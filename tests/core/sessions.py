@@ -12,9 +12,9 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError
 from oracle_server.core.events import Event, Order, StreamKey
 from oracle_server.core.formula.parse import parse_formula
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import GAP, Ordering, Property, Spec, StreamSpec, orders
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.reelay import ReelayEngine

@@ -7,9 +7,9 @@ from itertools import product
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oracle_server.core.credit import Credit
 from oracle_server.core.events import StreamKey
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering.credit import Credit
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
 
 A, B = (StreamKey(name, "topic") for name in ("/a", "/b"))
 SOURCES = list(product(("m", "n", "o"), (A, B)))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from oracle_server.core.deadlocks import deadlocks, starvation
-from oracle_server.core.dependencies import GraphNode, dependencies, paths
+from oracle_server.core.hazards.deadlocks import deadlocks, starvation
+from oracle_server.core.hazards.dependencies import GraphNode, dependencies, paths
 from oracle_server.core.spec import Ordering, Spec, StreamSpec
 
 

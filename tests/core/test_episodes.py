@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle_server.core.episode import Episode, Following, Worst, loaded, saved
-from oracle_server.core.following import Said, follow_said
+from oracle_server.core.judging.following import Said, follow_said
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome

@@ -14,8 +14,8 @@ from msgspec.structs import replace
 
 from oracle_server.core import episode as episodes
 from oracle_server.core.episode import Episode, Worst
-from oracle_server.core.following import follow
 from oracle_server.core.formula.parse import Time, parse_formula
+from oracle_server.core.judging.following import follow
 from oracle_server.core.verdicts import Judged
 from tests.core.revising import Case, Run, case, in_order
 from tests.engines.test_against_brute import SEED

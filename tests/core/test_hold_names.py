@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from oracle_server.core.events import StreamKey
-from oracle_server.core.hazards import inspect
+from oracle_server.core.hazards.inspection import inspect
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Spec, StreamSpec

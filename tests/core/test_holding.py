@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.holding import Held, Holding, Version
+from oracle_server.core.judging.holding import Held, Holding, Version
 
 NAMES = ("v", "w")
 Told = tuple[dict[str, Scalar], set[str]]

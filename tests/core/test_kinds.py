@@ -127,11 +127,11 @@ kinds = sys.modules["oracle_server.core.kinds"] = ModuleType("oracle_server.core
 source = (Path(oracle_server.core.__file__).parent / "kinds.py").read_text()
 exec(source.replace(TICKS, ROWS + TICKS), vars(kinds))
 
-from oracle_server.core.deadlocks import starvation
+from oracle_server.core.hazards.deadlocks import starvation
 from oracle_server.core.events import Event
 from oracle_server.core.events import Event
 from oracle_server.core.formula.parse import parse_formula
-from oracle_server.core.hazards import inspect
+from oracle_server.core.hazards.inspection import inspect
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec

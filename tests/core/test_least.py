@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oracle_server.core import frontiers
-from oracle_server.core.credit import Credit
 from oracle_server.core.events import StreamKey
-from oracle_server.core.frontiers import Frontier
-from oracle_server.core.least import Least
-from oracle_server.core.reorder import ReorderBuffer
+from oracle_server.core.ordering import frontiers
+from oracle_server.core.ordering.credit import Credit
+from oracle_server.core.ordering.frontiers import Frontier
+from oracle_server.core.ordering.least import Least
+from oracle_server.core.ordering.reorder import ReorderBuffer
 
 A, B = (StreamKey(name, "topic") for name in ("/a", "/b"))
 

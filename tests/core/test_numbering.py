@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oracle_server.core.numbering import JUDGED, Numbering
+from oracle_server.core.ordering.numbering import JUDGED, Numbering
 
 happenings = st.lists(
     st.one_of(

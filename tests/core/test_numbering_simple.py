@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from oracle_server.core.numbering import JUDGED, Numbering
+from oracle_server.core.ordering.numbering import JUDGED, Numbering
 
 Happening = tuple[str, int, int]
 

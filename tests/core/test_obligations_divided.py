@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from oracle_server.core.events import Event
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.spec import SECOND
 from oracle_server.core.verdicts import Judged, record
 from tests.core.sessions import A

@@ -11,9 +11,9 @@ from oracle_server.core.events import Event
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import And, Bound, Once
-from oracle_server.core.presence import grace
+from oracle_server.core.judging.presence import grace
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, record
 from oracle_server.engines.native import NativeEngine

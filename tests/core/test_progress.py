@@ -16,7 +16,7 @@ import pytest
 
 from oracle_server.core.errors import SpecError
 from oracle_server.core.events import StreamKey
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
 from oracle_server.specfiles.load import parse_spec
 
 TOPIC, DONE = StreamKey("/percentage", "topic"), StreamKey("/status", "topic")

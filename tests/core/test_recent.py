@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from oracle_server.core.events import Event, Step
+from oracle_server.core.judging.property_state import PropertyState
+from oracle_server.core.judging.recent import LENGTH, Recent
 from oracle_server.core.naming import first_name
 from oracle_server.core.plan import View
-from oracle_server.core.property_state import PropertyState
-from oracle_server.core.recent import LENGTH, Recent
 from oracle_server.engines.native import NativeEngine
 from tests.core.sessions import A, Feed, open_session, prop
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle_server.core.events import Source, StreamKey
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
 
 A, B, C = (StreamKey(name, "topic") for name in ("/a", "/b", "/c"))
 SA, SB, SC = (("m", key) for key in (A, B, C))

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import pytest
 
-from oracle_server.core import frontiers
 from oracle_server.core.events import StreamKey
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering import frontiers
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
 
 A, B, C = (StreamKey(name, "topic") for name in ("/a", "/b", "/c"))
 SA, SB, SC = (("m", key) for key in (A, B, C))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from oracle_server.core.returning import MOST, SILENT, Returning
+from oracle_server.core.ordering.returning import MOST, SILENT, Returning
 from oracle_server.core.session import Session
 from tests.core.sessions import MODE, STREAMS, A, B, Feed, open_session, prop
 from tests.core.test_ticks import native, told

@@ -12,6 +12,7 @@ import pytest
 from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Event
 from oracle_server.core.formula.parse import Time, parse_formula
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.plan import plan
 from oracle_server.core.revise.judge import FEW
 from oracle_server.core.revise.kept import Keeping
@@ -19,7 +20,6 @@ from oracle_server.core.revise.lateness import TOGETHER
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, explain
 from oracle_server.engines.native import NativeEngine

@@ -11,9 +11,9 @@ from typing import Any, Literal
 import msgspec
 import pytest
 
-from oracle_server.core.deciding import is_denied
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.formula.parse import Time
+from oracle_server.core.judging.deciding import is_denied
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Spec

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle_server.core.events import Order, StreamKey
-from oracle_server.core.reorder import ReorderBuffer
-from oracle_server.core.returning import SILENT
-from oracle_server.core.settling import Settling
+from oracle_server.core.ordering.reorder import ReorderBuffer
+from oracle_server.core.ordering.returning import SILENT
+from oracle_server.core.ordering.settling import Settling
 from oracle_server.core.spec import Ordering
 
 A, B = (StreamKey(name, "topic") for name in ("/a", "/b"))

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from oracle_server.core.engine import Engine
-from oracle_server.core.monitorclocks import MonitorClocks
+from oracle_server.core.ordering.monitorclocks import MonitorClocks
+from oracle_server.core.ordering.simulated import ClockReading, SimulatedTime
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import SECOND, Property, StreamSpec
 from oracle_server.core.stamps import Stamp
 from tests.core.sessions import MAX_DELAY, A, B, Feed, Recorder, open_session, prop, stamps

@@ -19,8 +19,8 @@ from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import Event
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Bound, Once
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Property, StreamSpec
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Judged, Outcome
 from oracle_server.engines.native import NativeEngine

@@ -11,9 +11,9 @@ from oracle_server.core.atoms import precedes, same
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Atom, Constraint, Ref, Relation, Scalar
-from oracle_server.core.misfits import Doubt
-from oracle_server.core.places import places
-from oracle_server.core.unrelated import unrelated
+from oracle_server.core.hazards.misfits import Doubt
+from oracle_server.core.hazards.places import places
+from oracle_server.core.hazards.unrelated import unrelated
 from tests import generate
 from tests.brute import TimedSignals, truths
 from tests.core.test_vacuity import opened, some_spec, some_trace

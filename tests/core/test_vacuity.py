@@ -16,18 +16,18 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Atom, Constraint, Formula, Scalar
-from oracle_server.core.holding import Held
+from oracle_server.core.hazards.misfits import Doubt
+from oracle_server.core.hazards.places import places
+from oracle_server.core.hazards.vacuity import doubts
+from oracle_server.core.hazards.worlds import Effort
+from oracle_server.core.judging.holding import Held
 from oracle_server.core.kinds import RESERVED
-from oracle_server.core.misfits import Doubt
-from oracle_server.core.places import places
 from oracle_server.core.plan import constants, plan
 from oracle_server.core.ranges import range_of
 from oracle_server.core.shapes import Record, Value
 from oracle_server.core.signals import Projection
 from oracle_server.core.spec import Property, Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes, TypedMessage
-from oracle_server.core.vacuity import doubts
-from oracle_server.core.worlds import Effort
 from tests import generate
 from tests.brute import TimedSignals, truths
 from tests.strategies import SECOND

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle_server.core.events import Source, StreamKey
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.ordering.reorder import Released, ReorderBuffer
 
 A, B = StreamKey("/a", "topic"), StreamKey("/b", "topic")
 ROBOT_A, ROBOT_B, ARM_B = ("robot", A), ("robot", B), ("arm", B)

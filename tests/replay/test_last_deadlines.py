@@ -10,9 +10,9 @@ import msgspec
 import pytest
 
 from oracle_server.core.events import By, Event, Order
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from oracle_server.core.expression import check_shape, parse_expression
-from oracle_server.core.readings import at
+from oracle_server.core.hazards.readings import at
 from oracle_server.core.shapes import Many, Record, Shape, Value
 from oracle_server.core.typed import Missing, TypedMessage
 from oracle_server.replay.misfit import misfit

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from oracle_server.core.readings import at
-from oracle_server.core.ros import Ros
+from oracle_server.core.hazards.readings import at
+from oracle_server.core.hazards.ros import Ros
 from oracle_server.core.shapes import Many, Record, Shape, Unknown, Value
 from oracle_server.core.typed import TypedMessage
 from oracle_server.rostypes import standard

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from oracle_server.core.events import Signals, Step
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.sessions.live import LiveSession

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.core import apart
+from oracle_server.core.hazards import apart
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.live import LiveSession

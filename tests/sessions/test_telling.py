@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from oracle_server.core.events import REVISIONS, Event, Step, StreamKey
-from oracle_server.core.numbering import Numbering
+from oracle_server.core.ordering.numbering import Numbering
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Change, Revision
 from oracle_server.core.verdicts import Outcome

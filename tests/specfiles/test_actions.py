@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from oracle_server.core.errors import SpecError
+from oracle_server.core.hazards.ros import Ros
 from oracle_server.core.plan import plan
-from oracle_server.core.ros import Ros
 from oracle_server.rostypes.known import Types
 from oracle_server.sessions.greeting import stream_frame
 from oracle_server.specfiles.load import parse_spec

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from oracle_server.core.errors import SpecError
+from oracle_server.core.hazards.ros import Ros
 from oracle_server.core.plan import plan
-from oracle_server.core.ros import Ros
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.library import Library
 from oracle_server.specfiles.load import SpecFile, parse_spec

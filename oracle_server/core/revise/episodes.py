@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 
 from oracle_server.core.episode import Changes, Episode, EpisodeChange, Following
-from oracle_server.core.following import follow
+from oracle_server.core.judging.following import follow
 from oracle_server.core.revise.kept import Kept
 from oracle_server.core.verdicts import Judged, explain
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from oracle_server.core.deciding import Mark
 from oracle_server.core.engine import MAX_WORK
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.judging.deciding import Mark
+from oracle_server.core.judging.property_state import Names, PropertyState
 from oracle_server.core.owing import NO_UNANSWERED
 from oracle_server.core.plan import View
-from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.verdicts import FINAL, Outcome
 
 _HOLDS = Outcome.CURRENTLY_TRUE

@@ -9,10 +9,10 @@ from functools import partial
 
 import msgspec
 
-from oracle_server.core.counting import Told
 from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Signals, Step
-from oracle_server.core.judge import Seen
+from oracle_server.core.judging.counting import Told
+from oracle_server.core.judging.judge import Seen
 from oracle_server.core.plan import Plan
 from oracle_server.core.revise.changes import differing, merged, revisions
 from oracle_server.core.revise.episodes import Rewritten

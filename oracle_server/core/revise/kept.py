@@ -10,7 +10,7 @@ import msgspec
 from oracle_server.core.derived.journal import Undo
 from oracle_server.core.episode import Following
 from oracle_server.core.events import Step
-from oracle_server.core.holding import Version
+from oracle_server.core.judging.holding import Version
 from oracle_server.core.kinds import TICK
 from oracle_server.core.revise.finality import Stand
 from oracle_server.core.verdicts import Judged

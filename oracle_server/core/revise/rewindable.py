@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from oracle_server.core.derived.journal import Undo
 from oracle_server.core.engine import Engine, rewindable
 from oracle_server.core.events import Order, Step
-from oracle_server.core.judge import Judge
+from oracle_server.core.judging.judge import Judge
+from oracle_server.core.judging.recent import SIZE, Recent
 from oracle_server.core.plan import Plan, StreamPlan
-from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.episodes import Rewritten
 from oracle_server.core.revise.finality import RevisableState, Stand
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point

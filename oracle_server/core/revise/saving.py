@@ -9,9 +9,9 @@ from operator import attrgetter
 
 import msgspec
 
-from oracle_server.core.deciding import is_denied
 from oracle_server.core.engine import Engine
 from oracle_server.core.events import ENDED, Order, Step
+from oracle_server.core.judging.deciding import is_denied
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.revise.episodes import rename, renamed, rewritten

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from oracle_server.core.numbering import Numbering
+from oracle_server.core.ordering.numbering import Numbering
 from oracle_server.history.records import Refusal, SnapshotRecord
 from oracle_server.history.sql.damage import readable
 from oracle_server.history.sql.database import Database

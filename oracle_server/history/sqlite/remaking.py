@@ -7,7 +7,7 @@ import sqlite3
 import msgspec
 
 from oracle_server.core.episode import Following
-from oracle_server.core.following import Said, follow_said
+from oracle_server.core.judging.following import Said, follow_said
 from oracle_server.core.kinds import TICK
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.spec import GAP

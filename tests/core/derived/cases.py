@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-from oracle_server.core.deciding import is_denied
 from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import OPS, Definition, Op, Traits
 from oracle_server.core.events import By, Event, StreamKey
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
+from oracle_server.core.judging.deciding import is_denied
 from oracle_server.core.machines.making import by_states, by_values
 from oracle_server.core.machines.sequence import by_sequence
 from oracle_server.core.plan import Plan, plan

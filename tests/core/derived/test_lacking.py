@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.lacking import lacking
 from oracle_server.core.formula.parse import parse_formula
-from oracle_server.core.places import places
+from oracle_server.core.hazards.places import places
 from oracle_server.core.spec import Property
 from tests.core.derived.cases import Case, case, judged, parametric_case, rows_of
 

@@ -16,7 +16,7 @@ from oracle_server.core.events import ENDED, TICKS, Event, Order
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.holding import Held
+from oracle_server.core.judging.holding import Held
 from oracle_server.core.spec import Property, Spec, StreamSpec
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Explanation, Judged, Outcome, Verdict
 from tests.brute import presence, truths

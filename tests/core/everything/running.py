@@ -9,9 +9,9 @@ from collections import Counter
 import msgspec
 
 from oracle_server.core.events import Event, Order
+from oracle_server.core.ordering.simulated import ClockReading
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
-from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import orders
 from oracle_server.core.verdicts import Judged
 from oracle_server.engines.native import engine_of

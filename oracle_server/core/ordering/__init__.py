@@ -1,0 +1,1 @@
+"""Puts the events of all monitors into the order in which they were published."""
