@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from oracle_server.core.plan import plan
 from oracle_server.core.stamps import stamp_in
 from oracle_server.engines.table import make_engines
-from oracle_server.replay.bagmessages import message_reader
+from oracle_server.replay.bags.messages import message_reader
 from oracle_server.specfiles.load import parse_spec
 
 BASE = 1_732_147_200 * 10**9
@@ -103,7 +103,7 @@ def measured(folder: Path, bag: Path, what: str) -> tuple[float, int]:
     """Seconds of a run in a process of its own, less its start, and its peak memory in KiB."""
     code = (
         "import resource, sys, time; from pathlib import Path; sys.path.insert(0, 'benchmarks'); import replay as b\n"
-        "import oracle_server.replay.command as r, oracle_server.replay.bags\n"
+        "import oracle_server.replay.command as r, oracle_server.replay.bags.bag\n"
         f"bag, spec = Path({str(bag)!r}), Path({str(folder / 'spec.yaml')!r})\n"
         "start = time.perf_counter()\n"
         + ("b.bare(bag)\n" if what == "bare" else "r.run_replay([spec], bag, None, 'text')\n")

@@ -22,9 +22,9 @@ from oracle_server.process.daemon import launch
 from oracle_server.process.pidfile import running
 from oracle_server.process.progress import progress
 from oracle_server.replay.conclusion import gravest
-from oracle_server.replay.folder import MAGICS, METADATA, begins_as
+from oracle_server.replay.files.folder import MAGICS, METADATA, begins_as
+from oracle_server.replay.files.sqlitefile import LOG, log_of
 from oracle_server.replay.opening import refuse_swapped
-from oracle_server.replay.sqlitefile import LOG, log_of
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import SpecFile, load_spec
 

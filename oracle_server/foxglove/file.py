@@ -16,7 +16,7 @@ from oracle_server.core.episode import EpisodeRecord
 from oracle_server.core.spec import GAP
 from oracle_server.foxglove.channels import Channel, Message, Streams, verdict_message
 from oracle_server.foxglove.episodes import Recorded
-from oracle_server.replay.mcap import PROFILE
+from oracle_server.replay.traces.mcap import PROFILE
 
 _Tell = Callable[[], list[Message]]
 

@@ -12,10 +12,10 @@ from oracle_server.core.units import counted
 from oracle_server.history.views import View
 from oracle_server.process.progress import progress
 from oracle_server.replay.conclusion import UNJUDGED, conclude, gravest
-from oracle_server.replay.formats import Format, Report, make_report
-from oracle_server.replay.github import Marked
 from oracle_server.replay.opening import refuse_swapped
 from oracle_server.replay.preparing import doubtful, prepare, read_spec
+from oracle_server.replay.report.formats import Format, Report, make_report
+from oracle_server.replay.report.github import Marked
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.annotations import property_places

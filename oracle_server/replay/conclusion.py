@@ -16,8 +16,8 @@ from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.units import counted, span
 from oracle_server.core.verdicts import Outcome
-from oracle_server.replay.asked import unasked
-from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
+from oracle_server.replay.doubts.asked import unasked
+from oracle_server.replay.doubts.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
 from oracle_server.replay.recording import Note, part_of
 from oracle_server.replay.run import Replay
 

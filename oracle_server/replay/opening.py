@@ -7,10 +7,10 @@ from pathlib import Path
 
 from oracle_server.core.errors import NotReadError, TraceError
 from oracle_server.core.spec import Spec
-from oracle_server.replay.line import MAX_LINE, read_line
-from oracle_server.replay.packed import is_packed
+from oracle_server.replay.files.packed import is_packed
+from oracle_server.replay.files.strangers import instead, what_it_is
 from oracle_server.replay.recording import Recording
-from oracle_server.replay.strangers import instead, what_it_is
+from oracle_server.replay.traces.line import MAX_LINE, read_line
 
 _HEAD = 4096
 _OF_SPECS = frozenset({".yaml", ".yml"})
@@ -26,7 +26,7 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
     """The recording at a path, for one spec; `types` are folders of .msg files. Raises `TraceError`."""
     try:
         if path.is_dir() and path.suffix != ".jsonl":
-            from oracle_server.replay.bags import Bag
+            from oracle_server.replay.bags.bag import Bag
 
             return Bag(path, spec, types)
         if path.exists() and not path.is_file():
@@ -41,7 +41,7 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
 
 def refuse_swapped(specs: Sequence[Path], recording: Path) -> None:
     """Raise `TraceError` where a recording stands among the specs, or a spec in the place of the recording."""
-    from oracle_server.replay.folder import METADATA
+    from oracle_server.replay.files.folder import METADATA
 
     if stray := [path for path in specs if is_recording(path)]:
         among = stray[0]
@@ -65,7 +65,7 @@ def is_spec(path: Path) -> bool:
 
 def is_recording(path: Path) -> bool:
     """Whether something is certainly a recording, by what it begins with; of a pipe nothing is read, as it is gone."""
-    from oracle_server.replay.folder import MAGICS, METADATA
+    from oracle_server.replay.files.folder import MAGICS, METADATA
 
     try:
         if path.is_dir():
@@ -83,12 +83,12 @@ def is_recording(path: Path) -> bool:
 
 
 def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> Recording:
-    from oracle_server.replay.folder import MAGICS
-    from oracle_server.replay.jsonl import read_lines
+    from oracle_server.replay.files.folder import MAGICS
+    from oracle_server.replay.traces.jsonl import read_lines
 
     if any(head.startswith(magic) for magic in MAGICS):
-        from oracle_server.replay.bags import Bag
-        from oracle_server.replay.mcap import is_trace, read_mcap
+        from oracle_server.replay.bags.bag import Bag
+        from oracle_server.replay.traces.mcap import is_trace, read_mcap
 
         return read_mcap(path, spec) if is_trace(path) else Bag(path, spec, types)
     if head and (what := what_it_is(head)):
@@ -96,7 +96,7 @@ def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> R
     if path.suffix == ".jsonl" or head.removeprefix(_MARK).lstrip().startswith(b"{"):
         return read_lines(path, spec)
     if is_packed(head):
-        from oracle_server.replay.bags import Bag
+        from oracle_server.replay.bags.bag import Bag
 
         return Bag(path, spec, types)
     raise TraceError(f"{path}: {_NEITHER if head else what_it_is(head)}")

@@ -25,21 +25,21 @@ from oracle_server.engines.table import make_engines
 from oracle_server.history.views import View
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.again import Again
-from oracle_server.replay.apart import Apart
 from oracle_server.replay.comparison import Comparison
-from oracle_server.replay.coverage import Counting, Coverage, counted_names
-from oracle_server.replay.delays import Delays
+from oracle_server.replay.doubts.apart import Apart
+from oracle_server.replay.doubts.coverage import Counting, Coverage, counted_names
+from oracle_server.replay.doubts.delays import Delays
+from oracle_server.replay.doubts.lacking import Lacking
+from oracle_server.replay.doubts.leaps import Leaps
+from oracle_server.replay.doubts.rownames import RowNames
+from oracle_server.replay.doubts.spelling import FieldSpelling, Spelling
+from oracle_server.replay.doubts.units import Units
+from oracle_server.replay.doubts.unjudged import Unjudged
+from oracle_server.replay.doubts.vocabulary import Vocabulary
 from oracle_server.replay.episodes import Episodes
-from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.lastdeadline import LastDeadline
-from oracle_server.replay.leaps import Leaps
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
-from oracle_server.replay.rownames import RowNames
 from oracle_server.replay.settling import Handling, Settling
-from oracle_server.replay.spelling import FieldSpelling, Spelling
-from oracle_server.replay.units import Units
-from oracle_server.replay.unjudged import Unjudged
-from oracle_server.replay.vocabulary import Vocabulary
 
 _FOR_EVER = 2**63
 _OF_ANOTHER = (

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.replay.table import csv_cell
+from oracle_server.replay.report.table import csv_cell
 from tests.whole.client import attached, make_event
 from tests.whole.harness import Server, failed, run
 

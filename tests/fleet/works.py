@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from oracle_server.replay.lines import records as lines_of
 from oracle_server.replay.opening import open_recording
+from oracle_server.replay.report.lines import records as lines_of
 from oracle_server.replay.run import Replay
 from oracle_server.specfiles.load import parse_spec
 from tests.chaos.link import Frame

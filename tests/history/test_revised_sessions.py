@@ -20,8 +20,8 @@ from oracle_server.history.query import Query
 from oracle_server.history.records import SessionRecord, StoredStep, stored, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import View
-from oracle_server.replay.jsonl import read_lines
 from oracle_server.replay.run import Replay
+from oracle_server.replay.traces.jsonl import read_lines
 from oracle_server.review.trace import trace_lines
 from oracle_server.wire.json import encode_bytes
 from tests.core.revising import Book, Run, case

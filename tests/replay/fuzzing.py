@@ -18,7 +18,7 @@ from rosbags.rosbag2 import StoragePlugin
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
 from oracle_server.replay.conclusion import Conclusion, conclude
-from oracle_server.replay.mcapfile import McapFile
+from oracle_server.replay.files.mcapfile import McapFile
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
 from oracle_server.specfiles.load import load_spec

@@ -12,8 +12,8 @@ from rosbags.typesys import Stores, get_typestore
 from oracle_server.core.records import VerdictRecord
 from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import conclude
-from oracle_server.replay.lines import records
 from oracle_server.replay.opening import open_recording
+from oracle_server.replay.report.lines import records
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
 from oracle_server.rostypes.streams import stream_types

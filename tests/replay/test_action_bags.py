@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from oracle_server.core.events import Event
-from oracle_server.replay.bags import Bag
+from oracle_server.replay.bags.bag import Bag
 from oracle_server.specfiles.load import parse_spec
 from tests.replay.judging import BASE, MS, judge, write_spec
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from oracle_server.replay.bagmessages import message_reader, ros1_decoder
-from oracle_server.replay.definitions import types_of
-from oracle_server.replay.sources import decoder, read_cdr
-from oracle_server.replay.storage import Channel
+from oracle_server.replay.bags.definitions import types_of
+from oracle_server.replay.bags.messages import message_reader, ros1_decoder
+from oracle_server.replay.bags.sources import decoder, read_cdr
+from oracle_server.replay.files.storage import Channel
 
 TEXT = "float64 from\nbool pass\nint32 self\n"
 

@@ -18,8 +18,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from oracle_server.replay.definitions import types_of
-from oracle_server.replay.storage import Channel
+from oracle_server.replay.bags.definitions import types_of
+from oracle_server.replay.files.storage import Channel
 from tests.replay.judging import judge, write_numbers, write_spec
 from tests.replay.writing import BASE, PUMP, SPEC, VALVE, write_ros1, write_ros2
 from tests.whole.harness import COMMAND, environment, failed, run
@@ -139,7 +139,7 @@ def test_the_types_of_a_topic_with_many_publishers_are_made_once(
         made.append(channel.topic)
         return types_of(channel, *others)
 
-    monkeypatch.setattr("oracle_server.replay.sources.types_of", counted)
+    monkeypatch.setattr("oracle_server.replay.bags.sources.types_of", counted)
     store = get_typestore(Stores.ROS1_NOETIC)
     number = store.serialize_ros1(store.types["std_msgs/msg/Float64"](data=1.0), "std_msgs/msg/Float64")
     with Writer1(tmp_path / "many.bag") as writer:

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oracle_server.replay import blocks
-from oracle_server.replay.blocks import Block, in_order
-from oracle_server.replay.storage import Message
+from oracle_server.replay.files import blocks
+from oracle_server.replay.files.blocks import Block, in_order
+from oracle_server.replay.files.storage import Message
 
 
 @given(st.lists(st.lists(st.integers(0, 9), max_size=8), max_size=8))

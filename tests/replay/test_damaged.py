@@ -16,12 +16,12 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
-from oracle_server.replay.blocks import Block
 from oracle_server.replay.command import run_replay
 from oracle_server.replay.conclusion import UNJUDGED, UNUSABLE
-from oracle_server.replay.mcapfile import McapFile
+from oracle_server.replay.files.blocks import Block
+from oracle_server.replay.files.mcapfile import McapFile
+from oracle_server.replay.files.storage import Message
 from oracle_server.replay.opening import open_recording
-from oracle_server.replay.storage import Message
 from oracle_server.specfiles.load import load_spec
 from tests.replay.fuzzing import DAMAGES, damage, judge, rewrite, whole_files
 from tests.replay.judging import BASE, write_numbers, write_spec

@@ -8,10 +8,10 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.actiontypes import action_types
-from oracle_server.replay.definitions import RULE, type_name, types_of
-from oracle_server.replay.sources import read_cdr
-from oracle_server.replay.storage import Channel
+from oracle_server.replay.bags.actiontypes import action_types
+from oracle_server.replay.bags.definitions import RULE, type_name, types_of
+from oracle_server.replay.bags.sources import read_cdr
+from oracle_server.replay.files.storage import Channel
 from oracle_server.rostypes.bagtypes import typestore
 
 KNOWN = get_typestore(Stores.LATEST)

@@ -14,7 +14,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
-from oracle_server.replay.mcapfile import McapFile
+from oracle_server.replay.files.mcapfile import McapFile
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
 from oracle_server.specfiles.load import load_spec

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.spec import SECOND
-from oracle_server.replay.passing import Filter
+from oracle_server.replay.bags.passing import Filter
 from tests.replay.judging import BASE, MS, exit_of, judge, write_numbers, write_spec
 
 BOTH = (StoragePlugin.MCAP, StoragePlugin.SQLITE3)

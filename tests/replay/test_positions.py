@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import tracemalloc
 
-from oracle_server.replay.positions import Positions
+from oracle_server.replay.traces.positions import Positions
 
 
 def test_it_has_what_was_added() -> None:

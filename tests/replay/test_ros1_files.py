@@ -11,7 +11,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.ros1file import MAGIC
+from oracle_server.replay.files.ros1file import MAGIC
 from tests.replay.judging import BASE, MS, judge, write_spec
 
 SPEC = """

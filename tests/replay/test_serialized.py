@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.blocks import ZSTD
+from oracle_server.replay.files.blocks import ZSTD
 from tests.replay.judging import BASE, MS, Judgement, judge, write_spec
 
 STORE = get_typestore(Stores.LATEST)
@@ -130,7 +130,7 @@ def test_a_compressed_message_that_is_too_large_is_not_made(
     told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Some kilobytes may say that they are of many gigabytes, or be it without a word."""
-    monkeypatch.setattr("oracle_server.replay.sources._LARGEST", 10_000)
+    monkeypatch.setattr("oracle_server.replay.bags.sources._LARGEST", 10_000)
     compress = zstandard.ZstdCompressor(write_content_size=told).compress
     found = of_arm(tmp_path, [compress(joints(0.5)), compress(joints(0.9) + bytes(20_000))])
     (unjudged,) = found.summary["unjudged"]

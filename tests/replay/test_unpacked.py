@@ -21,7 +21,7 @@ import zstandard
 from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay import scratch
+from oracle_server.replay.files import scratch
 from oracle_server.replay.many.judging import Task, Unit
 from oracle_server.replay.many.workers import Workers
 from tests.processes import PATIENCE, ROOT
@@ -36,7 +36,8 @@ properties: [{id: low, formula: '{topic: "/x"} -> {x <= 1000}'}]
 ENDING = """
 import os, sys
 from oracle_server.cli import main
-from oracle_server.replay import bags, folder
+from oracle_server.replay.bags import bag as bags
+from oracle_server.replay.files import folder
 number, where = int(sys.argv.pop(1)), sys.argv.pop(1)
 place, name = (folder, "_unpack") if where == "unpacking" else (bags, "_oldest")
 before = getattr(place, name)

@@ -11,7 +11,7 @@ from oracle_server.core.expression import check_shape, parse_expression
 from oracle_server.core.hazards.readings import at
 from oracle_server.core.shapes import Many, Record, Shape, Value
 from oracle_server.core.typed import Missing, TypedMessage
-from oracle_server.replay.misfit import misfit
+from oracle_server.replay.doubts.misfit import misfit
 from oracle_server.rostypes.folders import TypesError
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec

@@ -24,8 +24,8 @@ import yaml
 from oracle_server.core.errors import OracleError
 from oracle_server.core.shapes import Many, Record, Shape, Value
 from oracle_server.core.verdicts import Outcome
-from oracle_server.replay.jsonl import read_lines
 from oracle_server.replay.run import Replay
+from oracle_server.replay.traces.jsonl import read_lines
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.rosmonitoring.config import Config, read_config

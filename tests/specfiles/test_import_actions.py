@@ -10,8 +10,8 @@ import pytest
 
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Outcome
-from oracle_server.replay.jsonl import read_lines
 from oracle_server.replay.run import Replay
+from oracle_server.replay.traces.jsonl import read_lines
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.rosmonitoring.write import import_config

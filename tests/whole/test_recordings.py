@@ -16,7 +16,7 @@ import zstandard
 from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.edge.tokens import add
-from oracle_server.replay.mcapfile import MAGIC as MCAP
+from oracle_server.replay.files.mcapfile import MAGIC as MCAP
 from tests.replay.writing import SPEC, write_ros1, write_ros2
 from tests.whole.client import attached, make_clock, make_event
 from tests.whole.conftest import SPECS, Starts

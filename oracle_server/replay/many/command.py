@@ -16,7 +16,6 @@ from oracle_server.core.events import By
 from oracle_server.core.units import counted
 from oracle_server.process.progress import Show, progress
 from oracle_server.replay.command import say
-from oracle_server.replay.formats import Format
 from oracle_server.replay.many.digest import extent, folders_digest
 from oracle_server.replay.many.gather import Gathered, gather
 from oracle_server.replay.many.judging import Question, Task, Text, Unit, path_text
@@ -26,6 +25,7 @@ from oracle_server.replay.many.tablefile import write_csv
 from oracle_server.replay.many.workers import Ended, Progress, Said, Workers
 from oracle_server.replay.opening import is_recording
 from oracle_server.replay.preparing import doubtful, read_spec
+from oracle_server.replay.report.formats import Format
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import SpecFile
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.sqlitefile import LOG, log_of
+from oracle_server.replay.files.sqlitefile import LOG, log_of
 
 _PIECE = 2**20
 

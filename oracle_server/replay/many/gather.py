@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from oracle_server.core.errors import TraceError
-from oracle_server.replay.folder import MAGICS, METADATA, begins_as
+from oracle_server.replay.files.folder import MAGICS, METADATA, begins_as
+from oracle_server.replay.files.ros1file import MAGIC as ROS1
+from oracle_server.replay.files.strangers import is_named, is_named_compressed
 from oracle_server.replay.opening import is_recording
-from oracle_server.replay.ros1file import MAGIC as ROS1
-from oracle_server.replay.strangers import is_named, is_named_compressed
 
 _LOG = ".jsonl"
 """What logs are called: a file that is called so, or as those of bags are, is a recording whatever it holds."""

@@ -13,7 +13,7 @@ import msgspec
 from oracle_server.core.errors import OracleError
 from oracle_server.extras import install
 from oracle_server.replay.many.row import COLUMNS, Row
-from oracle_server.replay.table import SPREADSHEET, csv_cell
+from oracle_server.replay.report.table import SPREADSHEET, csv_cell
 
 _LONGEST = 2**31 - 1
 """Characters of a cell."""

@@ -1,0 +1,1 @@
+"""The messages of a bag as events of a spec."""

@@ -1,0 +1,1 @@
+"""What is doubtful in a recording, or was not judged of it."""

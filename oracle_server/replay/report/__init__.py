@@ -1,0 +1,1 @@
+"""What a replay came to, in the formats that it is told in."""

@@ -1,0 +1,1 @@
+"""Traces in JSON as events of a spec."""
