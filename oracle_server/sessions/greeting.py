@@ -21,6 +21,7 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> AttachedFrame:
         "spec_digest": session.spec.digest,
         "streams": [stream_frame(session.core.plan, key) for key in monitor.streams],
         "next": monitor.numbering.next,
+        "first": monitor.first,
         "limits": {
             "max_frame": MAX_FRAME,
             "max_batch": MAX_BATCH,

@@ -52,6 +52,7 @@ class AttachedFrame(TypedDict):
     spec_digest: str
     streams: list[StreamFrame]
     next: int
+    first: int
     limits: Limits
 
 

@@ -53,7 +53,10 @@ class Limits(_Frame):
 
 
 class AttachedFrame(_Frame):
-    """The answer to `attach`; the monitor's numbers continue at `next`."""
+    """The answer to `attach`; the monitor's numbers continue at `next`.
+
+    Numbers below `first` are those of events of another process; 0 where no other was there.
+    """
 
     type: Literal["attached"]
     monitor: str
@@ -62,6 +65,7 @@ class AttachedFrame(_Frame):
     spec_digest: str
     streams: list[StreamFrame]
     next: int
+    first: int
     limits: Limits
 
 

@@ -59,6 +59,8 @@ class Cable:
         self._ends: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._listener: asyncio.Server | None = None
+        self.loses = False
+        """Whether what is sent now gets lost on the way, either way."""
         self._place = reserved_port()
         self.port = self._place.getsockname()[1]
 
@@ -90,6 +92,8 @@ class Cable:
     async def _copy(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):
             while data := await source.read(65536):
+                if self.loses:
+                    continue
                 sink.write(data)
                 await sink.drain()
 
@@ -114,3 +118,49 @@ async def test_a_session_of_ones_own_is_made_anew_after_a_long_outage(start: Sta
     assert second != first
     assert [{r["stamp"] for r in server.records(session)} for session in (first, second)] == [{STAMP}, {STAMP + 1}]
     assert link.stats().lost == 0
+
+
+async def test_what_was_on_its_way_while_another_process_took_the_name_is_told_as_lost(start: Starts) -> None:
+    """Its numbers are those of the other one's events: acks of these let it forget its own, and nobody missed them."""
+    server = start()
+    cable = Cable(server.url)
+    await cable.mend()
+    told = Queue[str]()
+    link = Link(cable.url, "m1", spec="single", session="s", on_error=lambda error: told.put(error.code))
+    link.start()
+    await asyncio.to_thread(link.wait_attached, PATIENCE)
+    link.send("/a", "topic", STAMP, {"v": 1})
+    await server.until(lambda: link.stats().acked, lambda acked: acked == 1)
+    cable.loses = True
+    for i in range(1, 4):
+        link.send("/a", "topic", STAMP + i, {"v": 1})
+    await server.until(lambda: link.stats().sent, lambda sent: sent == 4)
+    await cable.cut()
+
+    def take_the_name() -> None:
+        with Link(server.url, "m1", spec="single", session="s") as other:
+            other.wait_attached(PATIENCE)
+            other.send("/a", "topic", STAMP + 10, {"v": 1})
+            assert other.close(PATIENCE)
+
+    await asyncio.to_thread(take_the_name)
+    cable.loses = False
+    await cable.mend()
+    await server.until(lambda: link.stats().reconnects, lambda reconnects: reconnects == 1)
+    link.send("/a", "topic", STAMP + 20, {"v": 1})
+    assert await asyncio.to_thread(link.close, PATIENCE)
+    await cable.remove()
+    records = {record["stamp"] - STAMP: record["degraded"] for record in server.records("s")}
+    assert records == {0: False, 10: False, 2: True, 3: True, 20: True}
+    assert (link.stats().lost, told.get(timeout=PATIENCE)) == (1, "lost")
+
+
+def test_a_second_link_of_a_program_by_a_name_that_is_in_use_is_refused(start: Starts) -> None:
+    """The first one ended, and what the second one sent by numbers of that one's events was acked and not judged."""
+    server, told = start(), Queue[str]()
+    with Link(server.url, "m1", spec="single", session="s") as first:
+        first.wait_attached(PATIENCE)
+        with Link(server.url, "m1", spec="single", session="s", on_error=lambda error: told.put(error.code)):
+            assert told.get(timeout=PATIENCE) == "monitor_taken"
+        assert first.send("/a", "topic", STAMP, {"v": 1})
+        assert first.close(PATIENCE)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import Future
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, TypedDict, Union
 from uuid import uuid4
 
@@ -95,8 +93,7 @@ class Link:
         wanted = True if on_verdicts else None
         told = (("revisions", on_revision), ("episodes", on_episode))
         wishes = (*features, *(name for name, callback in told if callback)) or None
-        instance = _instance(os.getpid())
-        hello = Hello(monitor, instance, session, spec, names, clock, wanted, wishes)
+        hello = Hello(monitor, uuid4().hex, session, spec, names, clock, wanted, wishes)
         protocol = Protocol(hello, capacity)
         self._exchange = Exchange(
             protocol, on_violation, on_state, on_error, on_verdicts, on_revision, on_episode
@@ -245,11 +242,6 @@ class Link:
         trace: Optional[TracebackType],
     ) -> None:
         self.close()
-
-
-@lru_cache(maxsize=None)
-def _instance(pid: int) -> str:  # noqa: ARG001 - what forks is another instance
-    return uuid4().hex
 
 
 def _body(

@@ -153,10 +153,7 @@ class Outbox:
         """Continue in a new session with all that is not known to be in the last one's history."""
         self._rewind(0)
         self.marks.rewind()
-        for event in self._unsent:
-            event.seq = None
-        self.marks.forget_numbered()
-        self.asked.clear()
+        self._forget_numbers()
         self._acked = 0
         self._next = self._last_here = None
 
@@ -173,12 +170,17 @@ class Outbox:
             self.asked.pop(event.seq, None)
             self._release()
 
-    def resume(self, upcoming: int, max_frame: int, max_batch: Optional[int]) -> List[Queued]:
-        """Continue from the number that the server expects; returns events that are lost by it."""
+    def resume(
+        self, upcoming: int, max_frame: int, max_batch: Optional[int], first: int = 0
+    ) -> List[Queued]:
+        """Continue from the number that the server expects; returns events that are lost by it.
+
+        Numbers below `first` are those of another process of the monitor's name.
+        """
         self._max_frame, self._max_batch = max_frame, max_batch or self._capacity
         if self._next is None:
             self._next = upcoming
-        elif upcoming > self._next:
+        elif upcoming > self._next or self._oldest(first) < first:
             return self._renumber(upcoming)
         # Where the server has forgotten events that it acked, the gap in the numbers shows it.
         self._stats.lost += max(0, self._oldest(self._next) - upcoming)
@@ -254,14 +256,26 @@ class Outbox:
             self._unsent.appendleft(self._sent.pop())
 
     def _renumber(self, upcoming: int) -> List[Queued]:
-        """Continue after numbers that this link never gave: another has used the monitor's name.
+        """Continue after numbers of another process, which has used the monitor's name.
 
-        Which of the events in flight the server has is unknown, and their numbers may mean others.
+        Which of the events in flight with lower numbers the server has is unknown: these may mean
+        that one's. It has no event with a higher one.
         """
         self._rewind(0)
+        self.marks.rewind()
         self._next = upcoming
+        dropped = self._give_up(
+            lambda event: (event.seq or upcoming) < upcoming or event.size > self._max_frame
+        )
+        self._forget_numbers()
+        return dropped
+
+    def _forget_numbers(self) -> None:
+        """Number anew all that waits."""
+        for event in self._unsent:
+            event.seq = None
         self.marks.forget_numbered()
-        return self._give_up(lambda event: event.seq is not None or event.size > self._max_frame)
+        self.asked.clear()
 
     def _give_up(self, doomed: Callable[[Queued], bool]) -> List[Queued]:
         kept: Deque[Queued] = deque()

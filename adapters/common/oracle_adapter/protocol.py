@@ -289,7 +289,8 @@ class Protocol:
         )
         lost_before = self._stats.lost
         max_frame = int(limits.get("max_frame") or MAX_FRAME)
-        for event in self._outbox.resume(int(frame["next"]), max_frame, limits.get("max_batch")):
+        upcoming, first = int(frame["next"]), int(frame.get("first") or 0)
+        for event in self._outbox.resume(upcoming, max_frame, limits.get("max_batch"), first):
             if event.waiting:
                 self._unavailable(event, "the event was lost in a reconnect")
         self._outbox.credit = None if self._detaching else limits.get("credit")

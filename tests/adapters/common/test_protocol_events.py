@@ -219,6 +219,24 @@ class TestResuming:
         side.receive("decision", seq=asked.seq, decision="allow")
         assert not asked.waiting
 
+    def test_so_are_they_where_it_has_used_fewer(self, side: Side) -> None:
+        side.attach()
+        side.send(1, 2)
+        asked = side.queued()
+        side.send(4)
+        side.frames()
+        side.receive("ack", upto=1)
+        side.reconnect(upcoming=3, first=3)
+        side.receive("ack", upto=2)  # of the other's event
+        assert [(event["seq"], event.get("lost"), event["data"]) for event in side.events()] == [
+            (3, 1, "ask"),
+            (4, None, 4),
+        ]
+        assert answer_in(side.receive("decision", seq=3, decision="allow")).event is asked
+        side.receive("ack", upto=4)
+        side.reconnect(upcoming=5, first=3)
+        assert (side.numbers(), side.protocol.stats().lost) == ([], 1)
+
     def test_handlings_of_such_events_are_dropped(self, side: Side) -> None:
         side.attach()
         asked = side.queued()
