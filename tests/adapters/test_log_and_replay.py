@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 import threading
 import time
@@ -201,3 +202,16 @@ def test_a_log_that_can_not_be_written_is_refused(streams: Path, tmp_path: Path)
 @given(st.integers(-(2**64), 2**64) | st.floats())
 def test_a_number_is_the_same_time_to_adapter_and_server(seconds: float) -> None:
     assert nanoseconds(seconds) == as_the_server_reads_it(seconds)
+
+
+def test_a_fifo_that_nobody_reads_is_not_waited_for(streams: Path, tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    os.mkfifo(path)
+    with pytest.raises(ValueError, match="can't be written: it is a FIFO that nobody reads yet"):
+        log_at(path, streams)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    log = log_at(path, streams)
+    assert log.send("/a", "topic", 1, {})
+    assert log.close()
+    assert json.loads(os.read(reader, 1000))["stream"] == "/a"
+    os.close(reader)

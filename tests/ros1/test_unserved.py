@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 from actionlib import msg
+from oracle_adapter import unpublished
+from oracle_ros1.graph import Graph
+from oracle_ros1.unserved import UnservedAction, UnservedService
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from tests.processes import eventually
@@ -42,6 +45,35 @@ def test_a_service_is_told_with_what_it_is_called_here(tmp_path: Path) -> None:
         adapter.said("/SetLamp: recovered")
         eventually(troubles, lambda found: text not in found)
         adapter.ends_well()
+
+
+class Known(Graph):
+    """What a master tells where another monitor was killed."""
+
+    answers = 1
+
+    def __init__(self) -> None:
+        """Ask nobody."""
+
+    def publishers(self, topic: str) -> list[str]:
+        return ["/uav2"] if topic == "/go_mon/status" else []
+
+    def published(self) -> list[str]:
+        return ["/go_mon/status"]
+
+    def is_served(self, service: str) -> bool:
+        return service == "/go_mon"
+
+    def served(self) -> list[str]:
+        return ["/go_mon"]
+
+
+@pytest.mark.parametrize("unserved", [UnservedAction, UnservedService])
+def test_the_proxy_of_another_monitor_is_not_what_was_meant(
+    unserved: type[UnservedAction | UnservedService], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpublished, "PATIENCE", 0.0)
+    assert unserved(Known(), "/go", "/go_mon").look() == "nobody serves /go"
 
 
 @pytest.mark.parametrize("how", [{}, {"via": "introspection", "proxy": ""}], ids=["proxied", "observed"])

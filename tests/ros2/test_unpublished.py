@@ -8,13 +8,14 @@ from typing import Any
 
 import pytest
 from oracle_adapter import unpublished
-from oracle_ros2.unserved import UnservedService
+from oracle_ros2.unserved import UnservedAction, UnservedService
 
 from tests.robot import spec_folder
 from tests.ros2.harness import Scene, eventually
 
 msg = pytest.importorskip("std_msgs.msg")
 srv = pytest.importorskip("std_srvs.srv")
+action_msgs = pytest.importorskip("action_msgs.msg")
 
 # rclpy imports an old lark with its first node.
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
@@ -107,3 +108,14 @@ def test_where_another_node_has_its_name_a_monitor_does_not_name_its_own_proxy(
         mine = 0 if "/SetLamp_1" in told else 1  # the graph tells of the other one
         unserved = UnservedService(both[mine], "/SetLamp", "std_srvs/srv/SetBool")
         assert unserved.look() == f"nobody serves /SetLamp; did you mean /SetLamp_{1 - mine}?"
+
+
+def test_the_proxy_of_another_monitor_is_not_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of one that was killed, which DDS still has."""
+    monkeypatch.setattr(unpublished, "PATIENCE", 0.0)
+    with Scene(tmp_path) as scene:
+        scene.peer("uav2").node.create_publisher(action_msgs.GoalStatusArray, "/go_mon/_action/status", 1)
+        peer = scene.peer("uav1")
+        peer.until(lambda: peer.node.count_publishers("/go_mon/_action/status"))
+        assert UnservedAction(peer.node, "/go", "/go_mon").look() == "nobody serves /go"
+        assert UnservedAction(peer.node, "/go").look() == "nobody serves /go; did you mean /go_mon?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import threading
@@ -59,9 +60,11 @@ class LogFile:
         try:
             self._cut = _is_cut(path)  # within a line
             # without a buffer: what the disk does not take would wait there, and be written later
-            self._file = open(path, "ab", buffering=0)  # noqa: SIM115 - `close` closes it
+            self._file = open(path, "ab", buffering=0, opener=_at_once)  # noqa: SIM115 - `close` closes it
         except OSError as error:
-            raise ValueError(f"--log {path}: can't be written: {error.strerror}") from None
+            unread = error.errno == errno.ENXIO
+            reason = "it is a FIFO that nobody reads yet" if unread else error.strerror
+            raise ValueError(f"--log {path}: can't be written: {reason}") from None
 
     def start(self) -> None:
         """Report that the log takes events."""
@@ -158,6 +161,13 @@ class LogFile:
             self._cut = self._cut or written > 0
             raise
         self._cut = False
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a file; a FIFO that nobody reads is not waited for. Raises OSError."""
+    number = os.open(path, flags | os.O_NONBLOCK, 0o666)
+    os.set_blocking(number, True)
+    return number
 
 
 def _is_cut(path: str) -> bool:

@@ -20,13 +20,17 @@ class Unpublished:
     """Whether nobody has published a topic since this began; who did, and has gone, counts."""
 
     def __init__(
-        self, name: str, clock: Callable[[], float] = time.monotonic, does: str = "publishes"
+        self,
+        name: str,
+        clock: Callable[[], float] = time.monotonic,
+        does: str = "publishes",
+        proxy: str = "",
     ) -> None:
         """Begin with a topic's name on the graph, or an action's; `does`: what is wanted of it.
 
-        `clock` returns seconds.
+        `clock` returns seconds. Its `proxy` was not meant, whoever has that name.
         """
-        self._name, self._clock, self._does = name, clock, does
+        self._name, self._clock, self._does, self._proxy = name, clock, does, proxy
         self._due: Optional[float] = clock() + PATIENCE
         self._others: FrozenSet[str] = frozenset()
         self._nearest: Sequence[str] = ()
@@ -50,7 +54,7 @@ class Unpublished:
             self._due, self.text = None, ""
         elif self._clock() >= self._due:
             self._due = self._clock() + PATIENCE
-            found = frozenset(others())
+            found = frozenset(others()) - {self._proxy}
             if found != self._others:
                 self._others, self._nearest = found, _nearest(self._name, found)
             meant = next(filter(is_meant, self._nearest), "")

@@ -44,14 +44,15 @@ class ProxiedAction:
         """Who publishes past the monitor what it gives."""
         self.doubt = ""
         """That nobody has served it so far, as of the last look."""
-        self._unserved = UnservedAction(shared.graph, shared.names[action.name])
+        served, proxy = shared.names[action.name], shared.names[first["proxy"]]
+        self._unserved = UnservedAction(shared.graph, served, proxy)
         self._types = self._events.types
         self._denied: Mapping[str, Any] = first.get("denied_result") or {}
         write(self._types.inner["result"](), self._denied, lookup_installed)
         self._answering = False  # whether goals were rejected as it ended
         self._behind = Behind()  # results come behind feedback that is decided on
         self._reporting = threading.Lock()  # held while something that has passed is not reported yet
-        self._topics = ActionTopics(self._types, shared.names[action.name], shared.names[first["proxy"]])
+        self._topics = ActionTopics(self._types, served, proxy)
         self._shown = ShownStatuses(self._topics, self._events)
         asked = {stream.kind: stream.passing for stream in self.streams if stream.passing is not None}
         self._goals = Goals(self._events, self._topics, self._shown, shared.board.error, asks_results="result" in asked)

@@ -46,7 +46,7 @@ class ProxiedService:
         self._calls = call_numbers()
         self._stopped = False
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
-        self._unserved = UnservedService(shared.graph, self._served)
+        self._unserved = UnservedService(shared.graph, self._served, self._proxy)
         self._called = CalledService(self._served, self._type)
         self._unreached = Recent()
         self._service = rospy.Service(self._proxy, self._type, self._serve)

@@ -15,9 +15,9 @@ _STATUS = "/status"
 class UnservedService:
     """Whether nobody has served a service since this began, by what the master knows."""
 
-    def __init__(self, graph: Graph, service: str) -> None:
+    def __init__(self, graph: Graph, service: str, proxy: str) -> None:
         self._graph, self._name = graph, rospy.resolve_name(service)
-        self._silence = Unpublished(self._name, does="serves")
+        self._silence = Unpublished(self._name, does="serves", proxy=rospy.resolve_name(proxy))
 
     def look(self) -> str:
         """That nobody has, as of now; empty where somebody has, or it is too early."""
@@ -29,9 +29,10 @@ class UnservedService:
 class UnservedAction:
     """Whether nobody has served an action since this began: who does publishes its status."""
 
-    def __init__(self, graph: Graph, action: str) -> None:
+    def __init__(self, graph: Graph, action: str, proxy: str = "") -> None:
         self._graph, self._status = graph, rospy.resolve_name(action + _STATUS)
-        self._silence = Unpublished(self._status[: -len(_STATUS)], does="serves")
+        shown = rospy.resolve_name(proxy + _STATUS)[: -len(_STATUS)] if proxy else ""
+        self._silence = Unpublished(self._status[: -len(_STATUS)], does="serves", proxy=shown)
 
     def look(self) -> str:
         """That nobody has, as of now; empty where somebody has, or it is too early."""

@@ -88,7 +88,7 @@ class ProxiedAction:
         self.streams: list[Side | Observed | StatusStream] = [
             found for kind in streams if (found := observed[kind]) is not None
         ]
-        self._unserved = UnservedAction(node, served)
+        self._unserved = UnservedAction(node, served, proxy)
         self.doubt = ""
         """That nobody serves it, or hears what passes of its feedback, as of the last look."""
         self.bypass = ""

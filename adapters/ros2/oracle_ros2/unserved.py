@@ -45,9 +45,10 @@ class UnservedService:
 class UnservedAction:
     """Whether nobody has served an action since this began: who does publishes its status."""
 
-    def __init__(self, node: Node, action: str) -> None:
+    def __init__(self, node: Node, action: str, proxy: str = "") -> None:
         self._node, self._status = node, node.resolve_topic_name(hidden(action, "status"))
-        self._silence = Unpublished(self._status[: -len(_STATUS)], does="serves")
+        shown = node.resolve_topic_name(hidden(proxy, "status"))[: -len(_STATUS)] if proxy else ""
+        self._silence = Unpublished(self._status[: -len(_STATUS)], does="serves", proxy=shown)
         self.is_served = False
         """Whether somebody serves it, as of the last look."""
 

@@ -49,6 +49,14 @@ def test_what_is_like_it_and_is_not_published_is_not_what_was_meant() -> None:
     assert topic.text == "nobody publishes /estops; did you mean /estop_s?"
 
 
+def test_its_proxy_is_not_what_was_meant() -> None:
+    clock = Clock()
+    action = Unpublished("/go", clock, does="serves", proxy="/go_mon")
+    clock.now = PATIENCE
+    action.look(lambda: False, lambda: ["/go_mon", "/goo"])
+    assert action.text == "nobody serves /go; did you mean /goo?"
+
+
 def test_among_many_topics_few_names_are_compared_closely(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
