@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +49,8 @@ class Raw:
         node.create_subscription(
             action_msgs.GoalStatusArray, f"{name}/_action/status", self._see, qos.qos_profile_action_status_default
         )
-        self._goals = node.create_client(IMPL.SendGoalService, f"{name}/_action/send_goal")
         many = qos.QoSProfile(depth=100 * relay.MOST)  # else later answers take the place of the first one's
+        self._goals = node.create_client(IMPL.SendGoalService, f"{name}/_action/send_goal", qos_profile=many)
         self._results = node.create_client(IMPL.GetResultService, f"{name}/_action/get_result", qos_profile=many)
         self.peer.until(lambda: self._goals.service_is_ready() and self._results.service_is_ready())
 
@@ -146,6 +148,21 @@ def test_of_results_that_are_asked_for_and_do_not_come_the_oldest_is_unknown(tmp
         client.peer.until(lambda: client.ask_result(ONE) and first.done())
         assert first.result().status == UNKNOWN
         scene.adapter.said(f"/fib has not told the result of goal {ONE.hex()}, nor 1000 that were asked for later")
+        scene.adapter.ends_well()
+
+
+def test_of_goals_that_their_server_does_not_answer_the_oldest_is_rejected(tmp_path: Path) -> None:
+    with acting(tmp_path, streams()) as scene:
+        server = scene.server(10.0)
+        client = Raw(scene)
+        assert client.accepted(ZERO, 0)
+        server.send(signal.SIGSTOP)
+        first, *_ = [client.send(goal.to_bytes(16, "big"), LONG) for goal in range(1, relay.MOST + 1)]
+        later = itertools.count(relay.MOST + 1)
+        client.peer.until(lambda: client.send(next(later).to_bytes(16, "big"), LONG) and first.done())
+        assert not first.result().accepted
+        oldest = (1).to_bytes(16, "big").hex()
+        scene.adapter.said(f"/fib has not answered goal {oldest}, nor 1000 that came later: it is rejected")
         scene.adapter.ends_well()
 
 

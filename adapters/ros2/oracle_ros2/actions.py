@@ -110,12 +110,10 @@ class ProxiedAction:
         if self._goals.tell_unasked(self._status.statuses, time.monotonic()):
             self._status.withheld()
         for call in self._sending.catch_up():
-            if call.forwarded:  # the server may have accepted it all the same
-                self._goals.refuse(_goal_of(call))
-                self._withdrawals.add(_goal_of(call))
-            if self._reject(call):
-                call.given_up()
-                self._board.error(f"{self.name} is not there: goal {_goal_of(call).hex()} is rejected")
+            self._give_up(call, f"{self.name} is not there: goal {_goal_of(call).hex()} is rejected")
+        for call in self._sending.give_up():
+            goal = f"goal {_goal_of(call).hex()}"
+            self._give_up(call, f"{self.name} has not answered {goal}, nor {MOST} that came later: it is rejected")
         for call in (*self._cancelling.catch_up(), *self._cancelling.give_up()):
             call.given_up()
             self._keep(call)
@@ -211,6 +209,15 @@ class ProxiedAction:
         told = self._sending.reply(call, self._impl.SendGoalService.Response(accepted=False))
         self._settle(_goal_of(call))
         return told
+
+    def _give_up(self, call: Call, why: str) -> None:
+        """Wait for a goal's reply no more."""
+        if call.forwarded:  # the server may have accepted it all the same
+            self._goals.refuse(_goal_of(call))
+            self._withdrawals.add(_goal_of(call))
+        if self._reject(call):
+            call.given_up()
+            self._board.error(why)
 
     def _settle(self, goal: Goal) -> None:
         """The client has its reply: what comes after that may come.

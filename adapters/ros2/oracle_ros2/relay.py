@@ -135,9 +135,18 @@ class Relay:
                 call.reply(response)
         return found is not None
 
-    def send(self, request: Any, then: Callable[[Any], None]) -> None:
-        """Call the service by oneself; `then` gets the response, in the thread of the callbacks."""
-        self._client.call_async(request).add_done_callback(lambda done: then(done.result()))
+    def send(self, request: Any, then: Callable[[Any], None]) -> Any:
+        """Call the service by oneself; `then` gets the response, in the thread of the callbacks.
+
+        Returns what is to be told to `forget`.
+        """
+        answer = self._client.call_async(request)
+        answer.add_done_callback(lambda done: then(done.result()))
+        return answer
+
+    def forget(self, answer: Any) -> None:
+        """Wait no more for the response to what was sent: a service that hangs never gives one."""
+        self._client.remove_pending_request(answer)
 
     def catch_up(self) -> list[Call]:
         """Go on with calls that wait for the service, and return those that have waited for too long.

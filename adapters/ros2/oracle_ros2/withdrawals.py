@@ -10,6 +10,7 @@ from action_msgs.msg import GoalInfo
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
+from oracle_ros2.relay import MOST
 from oracle_ros2.statuses import FINAL, Statuses
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 AGAIN = 1.0
 """Seconds until a goal that goes on is cancelled again."""
+_SHOWN = 3  # goals that are named among what is wrong
 _GONE = (CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID, CancelGoal.Response.ERROR_GOAL_TERMINATED)
 
 
@@ -27,38 +29,40 @@ def cancel_request(goal: Goal) -> Any:
 
 
 class Withdrawals:
-    """The goals of one action that are to be ended."""
+    """The goals of one action that are to be ended; of more than `MOST`, as where a server hangs, the newest."""
 
     def __init__(self, relay: Relay) -> None:
         """`relay`: that of the service that cancels."""
         self._relay = relay
         self._due: dict[Goal, float] = {}
-        self._asked: dict[Goal, int] = {}
+        self._asked: dict[Goal, Any] = {}  # what the last request for each is forgotten by
 
     def add(self, goal: Goal) -> None:
         """Let a goal be cancelled; from any thread."""
-        self._asked.setdefault(goal, 0)
         self._due.setdefault(goal, 0.0)
 
     def catch_up(self, statuses: Statuses) -> None:
         """Cancel what is due, and forget what has ended by these statuses; to be called often."""
         now = time.monotonic()
+        for goal in list(self._due)[:-MOST]:
+            self._forget(goal)
         for goal, due in list(self._due.items()):
             if statuses.get(goal) in FINAL:
                 self._forget(goal)
             elif due <= now and self._relay.is_there:
                 self._due[goal] = now + AGAIN
-                self._asked[goal] += 1
-                self._relay.send(cancel_request(goal), partial(self._answered, goal))
+                self._relay.forget(self._asked.get(goal))
+                self._asked[goal] = self._relay.send(cancel_request(goal), partial(self._answered, goal))
 
     def troubles(self) -> list[str]:
         """What is to be said of those that go on."""
-        return [
+        goals = list(self._asked)
+        named = [
             f"goal {goal.hex()} was accepted by the server after its client was told otherwise; "
             "it is cancelled until it ends"
-            for goal, times in list(self._asked.items())
-            if times
+            for goal in goals[:_SHOWN]
         ]
+        return [*named, f"so are {len(goals) - _SHOWN} more"] if len(goals) > _SHOWN else named
 
     def _answered(self, goal: Goal, response: Any) -> None:
         if response.return_code in _GONE:
@@ -66,4 +70,4 @@ class Withdrawals:
 
     def _forget(self, goal: Goal) -> None:
         self._due.pop(goal, None)
-        self._asked.pop(goal, None)
+        self._relay.forget(self._asked.pop(goal, None))
