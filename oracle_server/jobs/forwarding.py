@@ -6,6 +6,7 @@ Nothing waits for it. Where the centre can't be reached, what is there stays her
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.readers import Readers
 from oracle_server.history.records import Forwarding as Stands
 from oracle_server.history.records import Free
-from oracle_server.process.worker import Worker, WorkerError, packed
+from oracle_server.process.worker import Worker, WorkerError
 
 _WITHIN = 150.0
 """Seconds that a chunk may take: over a slow network, too."""
@@ -124,7 +125,7 @@ class Forwarding:
         if (failure := self.noted.failure) is not None:
             raise HistoryError(f"the history here can't be written: {failure}")
         stands = await self.noted.stands()
-        ask = Ask(packed(self.noted.path), self._url, self.progress.origin, stands.robot, stands.seq, self._rows)
+        ask = Ask(os.fsencode(self.noted.path), self._url, self.progress.origin, stands.robot, stands.seq, self._rows)
         told = _told(await self._threads.start(partial(self._worker.ask, ask, _WITHIN)))
         if told.error is not None:
             return self._failed(told.error)

@@ -13,9 +13,10 @@ from oracle_server.history.records import Document, StoredStep
 
 
 class Task(msgspec.Struct):
-    """The path of a recording, the text of the spec that it is judged by, and folders with types; paths are `packed`.
+    """The path of a recording, the text of the spec that it is judged by, and folders with types.
 
-    `most_bytes` is the size that no file may exceed which is unpacked beside it.
+    Paths are bytes, by `os.fsencode`: they need not be text. `most_bytes` is the size that no file may exceed which is
+    unpacked beside it.
     """
 
     recording: bytes

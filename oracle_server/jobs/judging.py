@@ -19,7 +19,7 @@ from oracle_server.history.episodes import going_on, stored_episodes
 from oracle_server.history.records import Document, StoredStep, stored, stored_revision
 from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
 from oracle_server.process.rlimits import bound, memory
-from oracle_server.process.worker import receive, send, step_back, unpacked
+from oracle_server.process.worker import receive, send, step_back
 from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.preparing import doubtful
@@ -199,11 +199,11 @@ def _joined(rows: Sequence[Rows]) -> Rows:
 def judge(task: Task, tell: Callable[[object], None]) -> None:
     """Judge a recording, and tell its frames, `Failed` last where it can't be judged to its end."""
     try:
-        folders = [Path(unpacked(folder)) for folder in task.types]
+        folders = [Path(os.fsdecode(folder)) for folder in task.types]
         known = Types(folders)
         file = _spec(task.spec, known)
         warnings = doubtful(file)
-        recording = open_recording(Path(unpacked(task.recording)), file.spec, folders)
+        recording = open_recording(Path(os.fsdecode(task.recording)), file.spec, folders)
         shapes, _ = stream_types(file.spec, known, None)
         replay = Told(file.spec, recording, types=shapes, warnings=warnings)
     except _FAILURES as error:
@@ -268,7 +268,7 @@ def _why(task: Task, error: BaseException) -> str:
 
 def _named(task: Task, texts: Iterable[str]) -> list[str]:
     """Some texts about a recording, a line each, in which it has its sender's name; so many of them at most."""
-    path = unpacked(task.recording)
+    path = os.fsdecode(task.recording)
     folder = f"{Path(path).parent}/"
     told = [one_line(text.replace(path, task.name).replace(folder, "")) for text in texts]
     return [text[:_LONGEST] for text in told[:_MOST]]
@@ -294,7 +294,7 @@ def main() -> None:
     bound(resource.RLIMIT_AS, MEMORY)
     bound(resource.RLIMIT_FSIZE, task.most_bytes)
     bound(resource.RLIMIT_CORE, 0)
-    os.environ["TMPDIR"] = str(Path(unpacked(task.recording)).parent)  # what is unpacked goes with it
+    os.environ["TMPDIR"] = str(Path(os.fsdecode(task.recording)).parent)  # what is unpacked goes with it
     judge(task, Telling().tell)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import secrets
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Sequence
@@ -22,7 +23,6 @@ from oracle_server.jobs.judge import Judge, JudgeError
 from oracle_server.jobs.turns import Turns
 from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.shortage import shortage
-from oracle_server.process.worker import packed
 from oracle_server.sessions.opening import Begun
 from oracle_server.sessions.recorded import RecordedSession
 from oracle_server.sessions.registry import Registry
@@ -102,7 +102,7 @@ class Recordings:
         """
         self.uploads = uploads
         self._registry, self._library, self._most_rows = registry, library, most_rows
-        self._types = [packed(str(folder)) for folder in types]
+        self._types = [os.fsencode(folder) for folder in types]
         self._all: OrderedDict[str, Recording] = OrderedDict()
         self._turns = Turns()
         self._stopping = False
@@ -190,7 +190,7 @@ class Recordings:
         """Judge a recording once it is its turn, whatever comes of it."""
         judging = _Judging(one, entry, self._registry, self.uploads, self._most_rows)
         state: State = "failed"
-        task = Task(packed(str(path)), one.name, entry.file.text, self._types, 4 * self.uploads.most_bytes)
+        task = Task(os.fsencode(path), one.name, entry.file.text, self._types, 4 * self.uploads.most_bytes)
         try:
             async with self._turns.one():
                 one.state = "judging"

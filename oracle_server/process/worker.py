@@ -59,16 +59,6 @@ def send(pipe: IO[bytes], message: object) -> None:
     pipe.flush()
 
 
-def packed(text: str) -> bytes:
-    """A path, or what else the system has told, for a message: its bytes need not be text."""
-    return text.encode(errors="surrogateescape")
-
-
-def unpacked(data: bytes) -> str:
-    """What was `packed`."""
-    return data.decode(errors="surrogateescape")
-
-
 def receive(pipe: IO[bytes]) -> bytes:
     """Read a message; nothing where the other side is gone."""
     size = pipe.read(4)

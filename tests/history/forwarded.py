@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, closing
 from pathlib import Path
@@ -16,7 +17,6 @@ from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.sql.rows import Row
 from oracle_server.history.sqlite.history import NAME, SqliteHistory
-from oracle_server.process.worker import packed
 
 ORIGIN = "robot7"
 
@@ -72,7 +72,7 @@ async def brought(
     while True:
         known = await noted.stands()
         told = await asyncio.to_thread(
-            bringing.bring, Ask(packed(noted.path), url, ORIGIN, known.robot, known.seq, rows)
+            bringing.bring, Ask(os.fsencode(noted.path), url, ORIGIN, known.robot, known.seq, rows)
         )
         assert told.error is None, told.error
         if told.anew is not None:

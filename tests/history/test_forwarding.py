@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import random
 import signal
 import sqlite3
@@ -26,7 +27,7 @@ from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.records import stored_revision
 from oracle_server.history.sql.schema import VERSION
 from oracle_server.history.sqlite.history import NAME, SqliteHistory
-from oracle_server.process.worker import packed, receive, send
+from oracle_server.process.worker import receive, send
 from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, brought, names, robot
 from tests.history.making import add, opened, revision, step
 from tests.history.test_copying import STRANGE, fill
@@ -91,7 +92,7 @@ async def test_by_small_chunks_and_with_ends_at_random_it_is_the_same(
                 assert noted is not None
                 for _ in range(chance.randint(0, 5)):
                     known = await noted.stands()
-                    ask = Ask(packed(noted.path), url, ORIGIN, known.robot, known.seq, chance.randint(1, 30))
+                    ask = Ask(os.fsencode(noted.path), url, ORIGIN, known.robot, known.seq, chance.randint(1, 30))
                     told = await asyncio.to_thread(bringing.bring, ask)
                     assert told.anew is None
                     if chance.random() < 0.6 and told.error is None:
@@ -116,7 +117,7 @@ async def test_a_process_that_is_killed_again_and_again_brings_each_row_once(
         noted = history.forwarding
         assert noted is not None
         known = await noted.stands()
-        ask = Ask(packed(noted.path), url, ORIGIN, known.robot, known.seq, 24)
+        ask = Ask(os.fsencode(noted.path), url, ORIGIN, known.robot, known.seq, 24)
         chance = random.Random(1)
         for _ in range(3):
             process = subprocess.Popen(

@@ -8,7 +8,7 @@ import msgspec
 
 
 class Ask(msgspec.Struct):
-    """Bring some more of the file at `path` (`packed`) to the centre at `url`: at most so many rows.
+    """Bring some more of the file at `path` (by `os.fsencode`) to the centre at `url`: at most so many rows.
 
     `robot` and `seq` are what the robot's history knows of its forwarding. A URL may have a password: it is told here,
     and not as an argument, which all users can read.

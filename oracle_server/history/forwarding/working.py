@@ -14,7 +14,7 @@ from oracle_server.core.errors import OracleError
 from oracle_server.history.forwarding.centre import Centre, Wrote
 from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.forwarding.robot import Robot
-from oracle_server.process.worker import receive, send, step_back, unpacked
+from oracle_server.process.worker import receive, send, step_back
 
 _NICE = 10
 _ask = msgspec.msgpack.Decoder(Ask).decode
@@ -36,7 +36,7 @@ class Bringing:
             return Told(error=str(error))
         except sqlite3.Error as error:
             self.close()
-            return Told(error=f"{unpacked(ask.path)}: can't be read: {error}")
+            return Told(error=f"{os.fsdecode(ask.path)}: can't be read: {error}")
 
     def close(self) -> None:
         """Let go of both histories."""
@@ -48,7 +48,7 @@ class Bringing:
     def _brought(self, ask: Ask) -> Told:
         new = False
         if self._robot is None or self._centre is None:
-            self._robot = Robot(unpacked(ask.path))
+            self._robot = Robot(os.fsdecode(ask.path))
             self._centre = Centre(ask.url, ask.origin, ask.robot)
             new = True
             if not self._robot.begin(self._centre.known, self._centre.seq):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import closing
@@ -18,7 +19,7 @@ from oracle_server.history.sql.matching import told
 from oracle_server.history.sql.timeline import asked
 from oracle_server.history.timeline import Question
 from oracle_server.history.views import Doubts
-from oracle_server.process.worker import receive, send, step_back, unpacked
+from oracle_server.process.worker import receive, send, step_back
 
 _NICE = 5
 
@@ -82,7 +83,7 @@ def main() -> None:
 def _answered(opening: Opening, asks: ByTime | ByNumber) -> Answer:
     try:
         connect: Callable[[str], Any] = getattr(import_module(opening.module), opening.name)
-        with closing(connect(unpacked(opening.target))) as reader:
+        with closing(connect(os.fsdecode(opening.target))) as reader:
             if isinstance(asks, ByTime):
                 return Answer(asked(reader, asks.session, asks.question))
             return Answer(_encode(told(reader, asks.session, asks.query, asks.position, asks.doubts)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import partial
 
@@ -17,7 +18,7 @@ from oracle_server.history.sql.answering import Answer, ByNumber, ByTime, Openin
 from oracle_server.history.sql.database import Database
 from oracle_server.history.timeline import Question
 from oracle_server.history.views import Doubts
-from oracle_server.process.worker import Worker, WorkerError, packed
+from oracle_server.process.worker import Worker, WorkerError
 
 _WITHIN = 30.0
 """Seconds for an answer, a hundred times what the longest one takes."""
@@ -30,7 +31,7 @@ class Asking:
 
     def __init__(self, connect: Callable[[str], Database], target: str) -> None:
         """Ask about a database; `connect`, a function of a module, opens a connection to `target`."""
-        self._opening = Opening(connect.__module__, connect.__name__, packed(target))
+        self._opening = Opening(connect.__module__, connect.__name__, os.fsencode(target))
         self._threads = Readers(1, 1, "history asking")
         self.worker = Worker(answering.__name__)
 
