@@ -174,9 +174,10 @@ def _state(server: Running | None, *, is_here: bool) -> str:
         return "embedded"
     if server.url is None or not is_here:
         return "running" if server.url else "starting"
+    url = server.url.replace("//[::]:", "//localhost:")  # it is at all addresses, and IPv6 may be off
     try:  # whose address that is says the file that it has locked, and not its certificate
         with httpx.Client(trust_env=False, timeout=5.0, verify=False) as http:  # noqa: S501 -- nothing is told it
-            return "ready" if http.get(f"{server.url}/readyz").is_success else "not ready"
+            return "ready" if http.get(f"{url}/readyz").is_success else "not ready"
     except httpx.TimeoutException:
         return "not ready"
     except httpx.HTTPError:

@@ -196,6 +196,15 @@ def test_how_a_server_elsewhere_stands_is_not_asked_of_the_one_that_has_its_addr
     assert (told.returncode, json.loads(document.stdout)["state"]) == (0, "running")
 
 
+def test_one_at_all_addresses_is_asked_where_ipv6_is_switched_off(data: Path, specs: Path, tmp_path: Path) -> None:
+    port = start(data, specs).rpartition(":")[2]  # where IPv4 alone is listened at, as is all that can be reached then
+    everywhere = PidFile(tmp_path / "everywhere")
+    everywhere.publish(f"http://[::]:{port}")
+    told = run("status", "--data-dir", tmp_path / "everywhere", "--ready")
+    everywhere.release()
+    assert (told.returncode, told.stdout) == (0, f"http://[::]:{port}: ready (pid {os.getpid()})\n")
+
+
 def test_it_tells_that_it_has_no_spec_or_one_that_is_unsound(data: Path, tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     folder.mkdir()
