@@ -209,8 +209,8 @@ def _read(path: Path) -> list[Token]:
     found: list[Token] = []
     at = ""
     try:
-        if path.is_fifo():  # to read it would wait for who writes to it, with all requests
-            raise TokenError(f"{path}: is a pipe, and no file; `oracle-server token add` makes one where there is none")
+        if not path.is_file():  # reading a pipe or a device would have no end, and all requests would wait
+            raise TokenError(f"{path}: is no file; `oracle-server token add` makes one where there is none")
         if path.stat().st_mode & 0o077:
             raise TokenError(f"{path}: other users may read it; run `chmod 600 {path}`")
         for number, token in enumerate(_File.model_validate_json(path.read_bytes()).tokens):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import atexit
 import logging
+import os
 import sys
 from collections.abc import Callable
 from logging.handlers import RotatingFileHandler
@@ -98,11 +99,14 @@ def _formatter(form: Literal["console", "json"], *, colors: bool) -> ProcessorFo
 def _file(path: Path) -> RotatingFileHandler:
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if path.is_fifo():  # to open one that nobody reads would wait for who does
+            os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         return RotatingFileHandler(
             path, maxBytes=MAX_SIZE, backupCount=KEPT, encoding="utf-8", errors="backslashreplace"
         )
     except OSError as error:
-        raise LogError(f"{path}: can't be written as log: {error.strerror}") from None
+        reason = "it is a pipe that nobody reads" if path.is_fifo() else error.strerror
+        raise LogError(f"{path}: can't be written as log: {reason}") from None
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:

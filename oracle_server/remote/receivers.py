@@ -68,8 +68,11 @@ class Receiver(NamedTuple):
 def load_receivers(path: Path, environment: Mapping[str, str] = os.environ) -> list[Receiver]:
     """The receivers of a file. Raises `SettingsError` with every mistake, and where."""
     try:
-        text = path.read_text(encoding="utf-8")[:_LONGEST]
-        document = read_yaml(text, str(path))
+        with path.open("rb") as file:
+            data = file.read(_LONGEST + 1)
+        if len(data) > _LONGEST:
+            raise SettingsError(f"ORACLE_ALARMS: {path}: has more than {_LONGEST} bytes; leave some out")
+        document = read_yaml(data.decode(), str(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise SettingsError(f"ORACLE_ALARMS: {path}: can't be read: {reason}") from None

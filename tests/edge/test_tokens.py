@@ -39,16 +39,22 @@ def _make_pipe(file: Path) -> None:
     os.mkfifo(file, 0o600)
 
 
+def _make_folder(file: Path) -> None:
+    file.unlink()
+    file.mkdir(0o700)
+
+
 SPOILING: list[Callable[[Path], object]] = [
     lambda file: file.unlink(),
     lambda file: file.write_text("{"),
     lambda file: file.write_text('{"tokens": []}'),
     lambda file: file.chmod(0o644),
     _make_pipe,
+    _make_folder,
 ]
 
 
-@pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable", "pipe"])
+@pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable", "pipe", "folder"])
 async def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[Path], object]) -> None:
     file = tmp_path / "tokens.json"
     secret = add(file, "a", ["admin"])

@@ -141,6 +141,9 @@ def test_a_database_of_another_program_is_refused_and_left_as_it_is(tmp_path: Pa
 
 def test_a_pipe_in_its_place_is_refused_at_once(tmp_path: Path) -> None:
     """To read it would wait for who writes to it, without an end."""
-    os.mkfifo(tmp_path / "history.sqlite")
-    with pytest.raises(HistoryError, match=r"history\.sqlite: can't be used as a database"):
+    pipe = tmp_path / "history.sqlite"
+    os.mkfifo(pipe)
+    pipe.chmod(0o666)
+    with pytest.raises(HistoryError, match=r"history\.sqlite: can't be used as a database: it is no file"):
         SqliteHistory(tmp_path)
+    assert pipe.stat().st_mode & 0o777 == 0o666, "a device, as /dev/null, is left to all"

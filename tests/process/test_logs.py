@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import stat
 import subprocess
 import sys
@@ -48,6 +49,18 @@ def test_a_full_log_is_put_aside_and_the_oldest_of_them_goes(tmp_path: Path) -> 
     assert all(b == a + 1 for a, b in pairwise(kept))
     assert len(text) > KEPT * 0.9 * MAX_SIZE
     assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+
+
+def test_a_pipe_is_refused_where_nobody_reads_it_and_written_where_somebody_does(tmp_path: Path) -> None:
+    """To open one that nobody reads would wait, without an end and a word."""
+    file = tmp_path / "pipe"
+    os.mkfifo(file)
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        written("", "json", file)
+    assert b"pipe: can't be written as log: it is a pipe that nobody reads" in refused.value.stderr
+    with open(os.open(file, os.O_RDONLY | os.O_NONBLOCK), encoding="utf-8") as reader:
+        written("log.info('said')", "json", file)
+        assert json.loads(reader.read())["event"] == "said"
 
 
 def test_all_that_is_logged_is_json_where_that_is_asked_for(tmp_path: Path) -> None:

@@ -64,6 +64,11 @@ def test_mistakes_are_told_with_their_place(tmp_path: Path, text: str, reason: s
     assert reason in str(refused.value)
 
 
+def test_a_file_without_an_end_is_refused() -> None:
+    with pytest.raises(SettingsError, match="/dev/zero: has more than 65536 bytes"):
+        load_receivers(Path("/dev/zero"))
+
+
 def test_a_secret_that_others_can_read_is_refused(tmp_path: Path) -> None:
     kept = tmp_path / "secret"
     kept.write_text(SECRET)

@@ -84,6 +84,8 @@ class SqliteStore:
 def _make_private(path: Path) -> None:
     """Let no other user read the database or what SQLite writes beside it, to which it gives the same rights."""
     os.close(os.open(path, os.O_RDONLY | os.O_CREAT | os.O_NONBLOCK, 0o600))  # a pipe would wait for who writes to it
+    if not path.is_file():  # as /dev/null, whose rights would be taken from all other programs
+        raise HistoryError(f"{path}: can't be used as a database: it is no file; delete it, or name another --data-dir")
     for file in (path, *(path.with_name(path.name + suffix) for suffix in ("-wal", "-shm"))):
         with contextlib.suppress(FileNotFoundError, PermissionError):  # a file of another owner
             if file.stat().st_mode & 0o077:
