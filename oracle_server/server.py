@@ -55,6 +55,7 @@ from oracle_server.process.notify import READY, STATUS, notify
 from oracle_server.process.openfiles import connections
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import POSTGRES, Settings, unknown_variables
+from oracle_server.process.signals import when_told_to_end
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.remote.receivers import load_receivers
 from oracle_server.remote.webhooks import Webhooks
@@ -115,7 +116,10 @@ def serve(settings: Settings) -> None:
         history = _history(settings, listener.getsockname()[1])
         held.callback(history.close)
         door = _Door(tokens, tls, pid_file, listener, unix, visitors, webhooks, foxglove)
-        asyncio.run(_serve(settings, library, history, door))
+        try:
+            asyncio.run(_serve(settings, library, history, door))
+        except asyncio.CancelledError:
+            log.info("stopped before it accepted work")
         if history.fenced is not None:
             raise ServerError(f"{history.fenced}; start it again")
 
@@ -195,7 +199,8 @@ class _Door(NamedTuple):
 
 async def _serve(settings: Settings, library: Library, history: History, door: _Door) -> None:
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    tls = door.tls
+    tls, restoring = door.tls, asyncio.current_task()
+    when_told_to_end(lambda _: restoring and restoring.cancel())
     history.start(asyncio.get_running_loop())
     clock = Clock(at_least=await history.last_time())
     registry = Registry(history, library, clock, settings.resume_within, alarms=door.webhooks)
@@ -345,10 +350,7 @@ class _Server(uvicorn.Server):
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         """Stop on SIGTERM, SIGINT and SIGHUP without raising them again, so that a clean stop exits with 0."""
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as by `nohup`
-                loop.add_signal_handler(number, self.handle_exit, number, None)
+        when_told_to_end(lambda number: self.handle_exit(number, None))
         yield
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
