@@ -238,6 +238,12 @@ def _newer(postgres: Postgres, folder: Path) -> tuple[str, str]:
     return url, str(folder / "other")
 
 
+def _looped(_: Postgres, folder: Path) -> tuple[str, str]:
+    """From a link to itself, which nothing can be found by."""
+    (folder / "loop").symlink_to("loop")
+    return str(folder / "loop"), str(folder)
+
+
 def _newer_target(postgres: Postgres, folder: Path) -> tuple[str, str]:
     return str(folder), _newer(postgres, folder)[0]
 
@@ -257,6 +263,7 @@ def _other(postgres: Postgres, folder: Path) -> tuple[str, str]:
         (_other, "other.sqlite: is a database, and no history"),
         (lambda _, folder: (str(folder / "none"), str(folder)), "none/history.sqlite: there is no history"),
         (lambda postgres, folder: (postgres.empty(), str(folder)), "there is no history in it"),
+        (_looped, "loop/history.sqlite: there is no history"),
         (lambda _, folder: (str(folder), f"{folder}/history.sqlite"), "can't be copied to itself"),
     ],
 )

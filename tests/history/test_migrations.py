@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sqlite3
+import subprocess
 from contextlib import closing
 from pathlib import Path
 from typing import get_args
@@ -22,6 +23,7 @@ from oracle_server.history.views import View, records
 from tests.history.making import PROPERTIES, add, find, opened, revision, step
 from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
+from tests.whole.harness import COMMAND, environment
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
 NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: "row", 9: "row", 10: "row", 11: None}
@@ -137,6 +139,17 @@ def test_a_database_of_another_program_is_refused_and_left_as_it_is(tmp_path: Pa
         SqliteHistory(tmp_path)
     assert file.read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["history.sqlite"]
+
+
+def test_a_disk_that_is_full_is_told_as_what_it_may_be(tmp_path: Path) -> None:
+    """SQLite can't make the index of its log then, and says no more than `disk I/O error`."""
+    SqliteHistory(tmp_path).close()
+    limited = ["sh", "-c", 'ulimit -f 8; exec "$@"', "sh", str(COMMAND), "serve", "--data-dir", str(tmp_path)]
+    ended = subprocess.run(
+        limited, capture_output=True, encoding="utf-8", env=environment(ORACLE_PORT="0"), check=False
+    )
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "history.sqlite: can't be used as a database: disk I/O error: the disk fails, is full, or " in ended.stderr
 
 
 def test_a_pipe_in_its_place_is_refused_at_once(tmp_path: Path) -> None:

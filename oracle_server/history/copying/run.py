@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import closing
+from os.path import realpath
 from typing import Any, NamedTuple
 
 import msgspec
@@ -95,7 +96,7 @@ def copy(source: End, target: End, show: Show) -> Copied:
 
 def _same(source: str, target: str) -> bool:
     files = not source.startswith(POSTGRES) and not target.startswith(POSTGRES)
-    return source == target or (files and file_of(source).resolve() == file_of(target).resolve())
+    return source == target or (files and realpath(file_of(source)) == realpath(file_of(target)))
 
 
 def _end(text: str, *, source: bool) -> End:

@@ -41,7 +41,7 @@ class SqliteStore:
         except OSError as error:
             raise HistoryError(f"{path}: can't be used as a database: {error.strerror}") from None
         except sqlite3.Error as error:
-            raise HistoryError(f"{path}: can't be used as a database: {error}") from None
+            raise HistoryError(f"{path}: can't be used as a database: {self.reason(error)}") from None
 
     def insert(self, database: sqlite3.Connection, table: str, rows: list[Row]) -> None:
         """Insert rows into a table."""
@@ -73,7 +73,7 @@ class SqliteStore:
     def reason(self, error: Exception) -> str:
         """What people are told of an error."""
         if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
-            return f"{error}: the disk fails, or is read-only; see the system's log"
+            return f"{error}: the disk fails, is full, or is read-only; see the system's log"
         return str(error)
 
     def close(self) -> None:
