@@ -6,13 +6,17 @@ import asyncio
 import signal
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from oracle_server.server import _tell_failure
 from tests.processes import Process, environment
+from tests.whole.client import connected, make_attach
+from tests.whole.harness import Server
 
-RESTORING = """\
+PROGRAM = """\
 import asyncio, sys
 from oracle_server import server
 from oracle_server.process.settings import load_settings
@@ -21,15 +25,23 @@ async def restore_all(registry):
     print("restoring", flush=True)
     await asyncio.Event().wait()
 
-server.Registry.restore_all = restore_all
+async def attach(registry, wanted, outbox):
+    raise RuntimeError("can't start new thread")
+
+server.Registry.INSTEAD = INSTEAD
 server.serve(load_settings(data_dir=sys.argv[1], port=0))
 """
+
+
+def serving(instead: str, folder: Path) -> Process:
+    """A server of which something is done as `PROGRAM` has it instead."""
+    return Process("the server", [sys.executable, "-c", PROGRAM.replace("INSTEAD", instead), folder], environment())
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_it_ends_where_it_is_told_to_while_it_restores(number: signal.Signals, tmp_path: Path) -> None:
     """As the first process of a container it was deaf to SIGTERM, and a second Ctrl-C was a traceback."""
-    server = Process("the server", [sys.executable, "-c", RESTORING, tmp_path / "data"], environment())
+    server = serving("restore_all", tmp_path / "data")
     server.said("restoring")
     server.send(number)
     assert server.end(number) == 0
@@ -55,3 +67,16 @@ async def test_what_is_done_beside_the_sessions_does_not_end_in_silence(capsys: 
     assert "Live.run" in told
     assert "no more threads" in told
     assert told.count("is not done any more") == 1
+
+
+async def test_who_attaches_where_threads_are_short_is_told_so(tmp_path: Path) -> None:
+    """As in a container that may have few: the log had a traceback, as of a defect."""
+    process = serving("attach", tmp_path / "data")
+    server = cast(Server, SimpleNamespace(url=process.said(r"url=(http\S+)")[1]))
+    async with connected(server) as monitor:
+        await monitor.send(make_attach(spec="any"))
+        (told,), code = await monitor.closed()
+    assert (process.end(), code, told["code"]) == (0, 1008, "internal")
+    for text in (told["message"], process.log):
+        assert "more threads are needed than there are" in text
+    assert "Traceback" not in process.log

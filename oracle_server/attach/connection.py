@@ -17,6 +17,7 @@ from oracle_server.core.errors import HistoryError
 from oracle_server.core.weakly import weakly
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.transport import DIRECT, WebSocketTransport
+from oracle_server.process.shortage import shortage
 from oracle_server.sessions.greeting import attached_frame
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
@@ -131,9 +132,12 @@ class Connection:
         self._conversation.cut_off_crowded()
         self._ready.set()
 
-    def _fail(self) -> None:
-        log.exception("a connection failed")
-        self.drop(WireError("internal", "the server failed; see its log", fatal=True))
+    def _fail(self, error: Exception) -> None:
+        if short := shortage(error):
+            log.error("a connection failed", reason=short)
+        else:
+            log.error("a connection failed", exc_info=error)
+        self.drop(WireError("internal", f"the server failed: {short or 'see its log'}", fatal=True))
 
     # Writing
 
@@ -195,8 +199,8 @@ class Connection:
             self.drop(error)
         except WebSocketDisconnect:
             self._conversation.lost()
-        except Exception:  # noqa: BLE001 -- no other connection may be affected
-            self._fail()
+        except Exception as error:  # noqa: BLE001 -- no other connection may be affected
+            self._fail(error)
         finally:
             self._ready.set()
 
@@ -275,8 +279,8 @@ class Connection:
             return False
         try:
             return self._process_frame(text, batches=False)
-        except Exception:  # noqa: BLE001 -- no other connection may be affected
-            self._fail()
+        except Exception as error:  # noqa: BLE001 -- no other connection may be affected
+            self._fail(error)
             return True
 
     @property
