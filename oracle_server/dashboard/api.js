@@ -11,7 +11,18 @@ const BURST = 200_000; // bytes that may come at once
 const kept = new Map(); // documents by what was asked, with their tags
 let [left, filled] = [BURST, performance.now()];
 
-/** A request that failed: `status` is HTTP's, or 0 where the server can't be reached; `document` is what it says, if anything. */
+const ELSEWHERE = { // what stands in front of the server answers so: the server itself says why
+  401: "A proxy in front of the server wants a login (401): load this page again for it.",
+  403: "A proxy in front of the server refuses this (403): ask who runs it to let it through.",
+  407: "A proxy in front of the server wants a login (407): load this page again for it.",
+  413: "What was sent is larger than a proxy in front of the server lets through (413): raise its limit, as nginx's client_max_body_size, or send it to the server itself.",
+  429: "A proxy in front of the server takes no more requests for now (429).",
+  502: "A proxy in front of the server can't reach it (502): see whether the server runs.",
+  503: "A proxy in front of the server can't reach it (503): see whether the server runs.",
+  504: "A proxy in front of the server had no answer of it in time (504): see whether the server runs, and how long the proxy waits, as nginx's proxy_read_timeout.",
+};
+
+/** A request that failed: `status` is HTTP's, or 0 where the server can't be reached; `document` is what it says, null where that is not the server. */
 export class Problem extends Error {
   constructor(status, message, document = null) {
     super(message);
@@ -51,7 +62,7 @@ export async function ask(method, path, query = {}, { within = TIMEOUT, signal, 
   const url = new URL(`api/v1/${path}`, document.baseURI);
   for (const [name, value] of Object.entries(query)) [value].flat().forEach((each) => url.searchParams.append(name, each));
   const token = sessionStorage.getItem(TOKEN);
-  if (/[^!-~]/.test(token ?? "")) throw new Problem(401, "The token has a character that no token has."); // nor any header: nothing would be sent
+  if (/[^!-~]/.test(token ?? "")) throw new Problem(401, "The token has a character that no token has.", {}); // nor any header: nothing would be sent
   const headers = { ...more, ...(token ? { Authorization: `Bearer ${token}` } : {}) };
   const ends = AbortSignal.any([AbortSignal.timeout(within), ...(signal ? [signal] : [])]);
   let response, text;
@@ -60,14 +71,14 @@ export async function ask(method, path, query = {}, { within = TIMEOUT, signal, 
     heard(response.headers.get("Date"));
     text = await response.text();
   } catch {
-    throw new Problem(0, "The server can't be reached; trying again.");
+    throw new Problem(0, "The server can't be reached.");
   }
   left -= Number(response.headers.get("Content-Length") ?? text.length);
   if (response.status === 304) return { document: null, tag: null };
   const document_ = parsed(text);
   if (response.ok && document_ instanceof Object && !Array.isArray(document_)) return { document: document_, tag: response.headers.get("ETag") };
   const detail = response.ok ? "The page is not up to date: this answers, but not as an oracle server." : undefined;
-  throw new Problem(response.status, detail ?? document_?.detail ?? `The server answered ${response.status}.`, document_);
+  throw new Problem(response.status, detail ?? refusal(response.status, document_), document_?.detail ? document_ : null);
 }
 
 /** Send a file, and get the document that answers it; `progress` is told how much of it is sent, from 0 to 1. Throws a `Problem`. */
@@ -83,13 +94,18 @@ export function send(path, query, file, { signal, progress }) {
     request.onload = () => {
       const answer = parsed(request.responseText);
       if (request.status < 300 && answer) sent(answer);
-      else failed(new Problem(request.status, answer?.detail ?? `The server answered ${request.status}.`));
+      else failed(new Problem(request.status, refusal(request.status, answer)));
     };
     request.onabort = () => failed(new Problem(0, "The sending was cancelled."));
     request.onerror = () => failed(new Problem(0, "The server ended the sending, or can't be reached."));
     signal.addEventListener("abort", () => request.abort());
     request.send(file);
   });
+}
+
+/** Why a request was refused, in words. */
+function refusal(status, answer) {
+  return answer?.detail ?? ELSEWHERE[status] ?? `A proxy in front of the server, and not the server, answered ${status}: see how it is set up.`;
 }
 
 /** Get the items of a list, by `get` or `getKept`. Throws a `Problem`, or a `TypeError` where the answer is not a list. */

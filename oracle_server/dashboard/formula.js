@@ -41,7 +41,7 @@ export function formulaView(id) {
       draw(found);
     } catch (problem) {
       if (mine !== leaving) return;
-      if (problem instanceof Problem && problem.status === 503) shown = null; // asked again with the next refresh
+      if (problem instanceof Problem && [0, 502, 503].includes(problem.status)) shown = null; // asked again with the next refresh
       draw({ refusal: problem instanceof Problem ? problem.message : "it could not be read." });
     } finally {
       clearTimeout(slow);

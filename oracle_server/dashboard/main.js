@@ -78,8 +78,8 @@ function failed(problem) {
 }
 
 function refused(problem) {
-  const needsToken = [401, 403].includes(problem.status);
-  if (!needsToken) outdated(problem.message);
+  const needsToken = problem.document && [401, 403].includes(problem.status);
+  if (!needsToken) outdated(problem.document ? problem.message : `${problem.message.replace(/\.$/, "")}; trying again.`);
   else if (!link.querySelector("form")) outdated(problem.message, tokenForm());
 }
 

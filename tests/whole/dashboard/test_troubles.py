@@ -65,6 +65,43 @@ async def test_older_violations_that_can_not_be_had_are_asked_for_again(
     await expect(page.get_by_role("status")).to_have_text("connected")
 
 
+PROXIES = {
+    413: "What was sent is larger than a proxy in front of the server lets through (413): raise its limit, ",
+    502: "A proxy in front of the server can't reach it (502): see whether the server runs; trying again.",
+    401: "A proxy in front of the server wants a login (401): load this page again for it; trying again.",
+    418: "A proxy in front of the server, and not the server, answered 418: see how it is set up; trying again.",
+}
+
+
+@pytest.mark.parametrize(("code", "told"), PROXIES.items())
+async def test_what_a_proxy_answers_in_place_of_the_server_is_told_with_what_to_do(
+    server: Server, page: Page, code: int, told: str
+) -> None:
+    async def refuse(route: Route) -> None:
+        await route.fulfill(status=code, content_type="text/html", body="<h1>nginx</h1>")
+
+    await page.route("**/api/v1/**", refuse)
+    await page.goto(f"{server.url}/#/")
+    status = page.get_by_role("status")
+    await expect(status).to_contain_text(told)
+    await expect(status.locator("form")).to_have_count(0)  # a token of the server's is not what is asked for
+
+
+async def test_a_recording_that_a_proxy_refuses_as_too_large_says_so(server: Server, page: Page) -> None:
+    async def refuse(route: Route) -> None:
+        if route.request.method == "POST":
+            await route.fulfill(status=413, content_type="text/html", body="<h1>nginx</h1>")
+        else:
+            await route.continue_()
+
+    await page.route("**/api/v1/recordings**", refuse)
+    await page.goto(f"{server.url}/#/")
+    await expect(page.locator(".drop")).to_be_visible()
+    file = {"name": "log.jsonl", "mimeType": "text/plain", "buffer": b"{}"}
+    await page.get_by_label("recording", exact=True).set_input_files(file)  # type: ignore[arg-type]
+    await expect(page.locator(".drop .bad")).to_contain_text(f"log.jsonl: {PROXIES[413]}")
+
+
 class Held:
     """Answers of explanations that are held until they are let go."""
 
@@ -161,3 +198,14 @@ async def test_an_explanation_that_has_to_wait_is_asked_for_again(server: Server
     await expect(page.locator(".verdict")).to_contain_text("currently_false")
     await page.unroute("**/explanation")
     await expect(page.locator(".reasons > li").first).to_be_visible()
+
+
+async def test_a_formula_that_could_not_be_had_is_asked_for_again(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=BIG))
+        await monitor.acked(1)
+    await page.route("**/parts?**", lambda route: route.abort())
+    await page.goto(f"{server.url}/#/sessions/{session}?n=1")
+    await expect(page.locator(".formula")).to_contain_text("The server can't be reached.")
+    await page.unroute("**/parts?**")
+    await expect(page.locator(".parts tbody tr").first).to_be_visible()
