@@ -27,9 +27,11 @@ export function dayView(changed) {
   const settleList = rove(list.node, "a", UP_AND_DOWN);
   let [episodes, from, asked, known, chosen, drawn] = [[], 0, -Infinity, null, null, null];
 
-  /** Ask for them where it is time to, or where others are `open` than before; returns them, and from when (ms) on they are all of them. */
-  async function refresh(open) {
-    const news = open.map(({ session, property, first }) => [session, property, first]).join();
+  /** Ask for them where it is time to, or where others are `open` than before, or were, in one of the `sessions`; returns them, and from when (ms) on they are all of them. */
+  async function refresh(open, sessions) {
+    const failing = new Set(open.map(({ session }) => session));
+    const others = sessions.filter(({ id }) => !failing.has(id)).map(({ id, violations }) => [id, violations]);
+    const news = [...open.map(({ session, property, first }) => [session, property, first]), ...others].join();
     const passed = performance.now() - asked;
     if (passed < OFTEN || (passed < SELDOM && news === known)) return { episodes, from };
     [episodes, from] = await newest(BigInt(now() - DAY) * 1_000_000n);

@@ -14,12 +14,14 @@ import { moment } from "./words.js";
 const PERIOD = 1000;
 const SHARE = 10; // requests take at most one tenth of the time where the answers are slow,
 const LONGEST = 5000; // ms, but nobody looks at what is older than this
+const SOON = 300; // ms for which what is much older, as where nobody looked at the page, stands as if it were of now
 
 const place = document.getElementById("view");
 const link = document.getElementById("link");
 let timer;
 let latest = 0; // the number of the last refresh
 let fresh = null; // when (ms) what is shown was asked for; null before it is there
+let wait = PERIOD; // ms until the next refresh
 let view = sessionsView({}, refresh);
 
 function route() {
@@ -56,18 +58,19 @@ async function refresh() {
   clearTimeout(timer);
   const mine = ++latest;
   const [begin, asked] = [performance.now(), now()];
-  const slow = setTimeout(() => mine === latest && !document.hidden && outdated("The server is slow; waiting for it."), LONGEST);
+  const old = fresh !== null && asked - fresh > wait + LONGEST;
+  const slow = setTimeout(() => mine === latest && !document.hidden && outdated("The server is slow; waiting for it."), old ? SOON : LONGEST);
   try {
     if (document.hidden) return;
     await view.refresh();
     if (mine !== latest) return;
     fresh = asked;
-    showStatus(true, "connected");
+    showStatus(true, connected(pause()));
   } catch (problem) {
     if (mine === latest) failed(problem);
   } finally {
     clearTimeout(slow);
-    if (mine === latest) timer = setTimeout(refresh, Math.max(PERIOD, Math.min(LONGEST, SHARE * (performance.now() - begin)), pause()));
+    if (mine === latest) timer = setTimeout(refresh, (wait = Math.max(PERIOD, Math.min(LONGEST, SHARE * (performance.now() - begin)), pause())));
   }
 }
 
@@ -81,6 +84,11 @@ function refused(problem) {
   const needsToken = problem.document && [401, 403].includes(problem.status);
   if (!needsToken) outdated(problem.document ? problem.message : `${problem.message.replace(/\.$/, "")}; trying again.`);
   else if (!link.querySelector("form")) outdated(problem.message, tokenForm());
+}
+
+/** That the server answers, and how often it is asked (ms) where that is seldom: what is shown may be so old. */
+function connected(pace) {
+  return pace > LONGEST ? `connected; there is much, and it is brought up to date every ${Math.ceil(pace / LONGEST) * (LONGEST / 1000)} s` : "connected";
 }
 
 /** Say why what is shown is not as it is now, and of when it is. */
@@ -101,7 +109,7 @@ function tokenForm() {
   const entered = (submitted) => {
     submitted.preventDefault();
     remember(field.value.trim());
-    showStatus(true, "…");
+    outdated("Asking with this token.");
     refresh();
   };
   return h("form", { onsubmit: entered }, field, h("button", {}, "Use"));

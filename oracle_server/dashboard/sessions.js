@@ -40,7 +40,7 @@ export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}
     ]);
     origins = new Map(sessions.map(({ id, origin }) => [id, origin]));
     const simulated = new Set(sessions.filter(({ clock }) => clock === "sim").map(({ id }) => id)); // whose times are none of the day
-    const { episodes, from } = await day.refresh(open);
+    const { episodes, from } = await day.refresh(open, sessions);
     ofDay = episodes.filter(({ session }) => !simulated.has(session));
     all = grouped(sessions, open, ofDay, from);
     show();

@@ -51,6 +51,24 @@ async def test_what_was_wrong_within_the_hour_is_told_and_when(start: Starts, pa
     await expect(page.locator(".before")).to_contain_text("none in this session, 1 in others")
 
 
+async def test_an_episode_that_was_over_before_the_page_looked_is_told(start: Starts, page: Page, now: int) -> None:
+    """It was never among those that are open, and nothing told the page to look, for a minute."""
+    server = start(ORACLE_HISTORY="memory")
+    await page.add_init_script(
+        "const now = performance.now.bind(performance); performance.now = () => Math.min(8 * now(), 55000);"
+    )
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send({**make_event(1, data={"v": 1}), "stamp": now - 10**10})
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/")
+        group = page.locator(".sessions tr.group")
+        await expect(group).to_have_text("Fine")
+        for seq, v in ((2, 11), (3, 1)):
+            await monitor.send({**make_event(seq, data={"v": v}), "stamp": now + (seq - 5) * 2 * 10**9})
+        await monitor.acked(3)
+        await expect(group).to_have_text("Wrong within the hour")
+
+
 @pytest.mark.parametrize("hours", [-30, 3])
 async def test_a_browser_whose_clock_is_wrong_shows_the_same(start: Starts, page: Page, now: int, hours: int) -> None:
     server = start(ORACLE_HISTORY="memory")

@@ -186,3 +186,39 @@ async def test_that_nothing_has_come_for_long_is_told(server: Server, session: s
         await monitor.send(make_event(2, data=GOOD) | {"stamp": time.time_ns()})
         await monitor.acked(2)
         await expect(page.locator(".facts")).not_to_contain_text("newest step")
+
+
+async def test_what_nobody_looked_at_for_an_hour_is_not_shown_as_of_now(
+    server: Server, session: str, page: Page
+) -> None:
+    held = Held()
+    await page.add_init_script(
+        "const later = setTimeout; setTimeout = (act, ms, ...more) => ms >= 5000 || later(act, ms, ...more);"
+    )
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.locator(".now .card")).to_contain_text("Its property holds")
+        await page.route("**/api/v1/**", held)
+        await page.evaluate("""() => {
+            const now = Date.now;
+            Date.now = () => now() + 3_600_000;
+            document.dispatchEvent(new Event("visibilitychange"));
+        }""")
+        await expect(page.get_by_role("status")).to_contain_text("What is shown is of ")
+        await expect(page.locator(".now")).to_have_css("filter", "grayscale(1)")
+        held.open.set()
+        await expect(page.get_by_role("status")).to_have_text("connected")
+
+
+async def test_how_often_it_is_brought_up_to_date_is_told_where_that_is_seldom(server: Server, page: Page) -> None:
+    async def much(route: Route) -> None:
+        answer = await route.fetch()
+        await route.fulfill(response=answer, headers={**answer.headers, "content-length": "380000"})
+
+    await page.route("**/api/v1/recordings", much)
+    await page.goto(server.url)
+    await expect(page.get_by_role("status")).to_have_text(
+        re.compile("^connected; there is much, and it is brought up to date every 15 s$")
+    )
