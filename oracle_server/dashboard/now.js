@@ -13,18 +13,19 @@ const BAD = ["false", "currently_false"];
 /** The cards of a session; `visit` is called with the episode that is chosen, and the click. */
 export function nowView(id, visit) {
   const place = new Place("section", { class: "now", "aria-label": "What is wrong now" });
-  const records = new Map(); // of the verdicts with which the shown episodes begin
+  let records = new Map(); // of the verdicts with which the shown episodes begin
 
   /** Show how the session stands: `found` are its episodes, and `now` is the time of its newest step, which is `past` where it is of no such time. */
   async function refresh(state, found, now, past) {
     const open = found.filter((each) => each.open);
     const last = found.filter((each) => !each.open).sort(byEnd)[0] ?? null;
     const shown = [...open.slice(0, OPEN), last].filter(Boolean);
+    records = new Map([...records].filter(([known]) => shown.some((each) => key(each) === known)));
     await Promise.all(shown.map(learn));
     const { properties, clock, status, live, kind, monitors, trouble, doubts } = state;
     const alone = status === "open" && !live && !trouble && kind !== "recording";
     const known = shown.map((each) => records.get(key(each)) ?? null);
-    const standing = properties.map(({ id: name, outcome, broken, caveats, unasked }) => [name, outcome, broken, caveats?.length > 0, Boolean(unasked)]);
+    const standing = properties.map(({ id: name, outcome, broken, caveats, unasked, pending }) => [name, outcome, broken, caveats?.length > 0, Boolean(unasked), pending ?? 0]);
     const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some((each) => each.trouble));
     const gone = properties.some(({ violations }) => violations > 0);
     const over = status === "closed";
@@ -86,14 +87,16 @@ function calm(standing, { troubled, trouble, doubts, alone, over }, rest) {
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
   const degraded = standing.filter(([, , , is]) => is).map(([name]) => name);
   const unasked = [...new Set(standing.filter(([, , , , is]) => is).map(([name]) => name))];
+  const waits = over || alone ? standing.filter(([, , , , , pending]) => pending) : []; // what must follow will hardly come any more
   const holding = standing.length - failing.length - unknown.length;
-  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : alone ? ["not watched", "unsure"] : ["hold", "good"];
+  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : alone ? ["not watched", "unsure"] : waits.length ? ["undecided", "unsure"] : ["hold", "good"];
   const few = (names) => `${names.slice(0, 3).join(", ")}${names.length > 3 ? " …" : ""}`;
   const words = [
     failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
     unknown.length ? `${unknown.length} of ${standing.length} not judged: ${few(unknown)}` : null,
     !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held at the newest step" : `${holding === 1 ? "holds" : "hold"}${over ? " at the end" : ""}`}` : null,
     unasked.length ? `nothing was asked of ${few(unasked)}` : null,
+    waits.length ? `${counted(waits.reduce((sum, [, , , , , pending]) => sum + pending, 0), "obligation")} still open: ${few(waits.map(([name]) => name))}` : null,
     alone ? "no monitor is there now" : null,
     degraded.length ? `${degraded.length} of ${standing.length} degraded: ${few(degraded)}` : null,
     troubled ? "not all streams are heard as they should be" : null,

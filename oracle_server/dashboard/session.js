@@ -40,7 +40,7 @@ export function sessionView(address, again, anew) {
   const timeline = timelineView(id, { choose, step, moved });
   const verdict = verdictView(id, n, explained, again);
   const violations = violationsView(id, again);
-  const lower = { chart: whileInView(chart.node), violations: whileInView(violations.node) };
+  const steps = whileInView(chart.node);
   const link = linkButton(() => at(id, n, timeline.seen()));
   const node = h("div", { class: "session opening", onkeydown: pressed },
     h("div", { class: "title" }, h("h1", {}, id), head.node, link), now.node,
@@ -73,10 +73,10 @@ export function sessionView(address, again, anew) {
     const past = () => !state.live || state.kind === "recording" || silence(state, timeline.last()) !== null; // whether the newest step is not of now
     const parts = await Promise.allSettled([
       drawn, drawn.catch(() => {}).then(tell).then(() => now.refresh(state, found, timeline.last(), past())).finally(shown), // these say what they can without
-      verdict.refresh(state), lower.violations(() => violations.refresh(state)),
+      verdict.refresh(state), violations.refresh(state),
     ]);
     list.show(found, state, timeline.last());
-    await lower.chart(() => chart.refresh(state));
+    await steps(() => chart.refresh(state));
     bar.show();
     for (const { reason } of parts) if (reason) throw reason;
   }
@@ -155,18 +155,19 @@ export function sessionView(address, again, anew) {
 
   function leave() {
     clearTimeout(timer);
-    for (const part of [verdict, timeline, bar, ...Object.values(lower)]) part.leave();
+    for (const part of [verdict, timeline, bar, steps]) part.leave();
   }
 
   return { key: id, node, refresh, goTo, leave };
 }
 
-/** Calls what it is given until that has answered once, and then only while an element can be seen. */
+/** Calls what it is given until that has answered once, and then only while an element can be seen; paper says where it was not. */
 function whileInView(node) {
   let [seen, filled] = [false, false];
   const observer = new IntersectionObserver(([entry]) => (seen = entry.isIntersecting), { rootMargin: "200px" });
   observer.observe(node);
   const call = async (act) => {
+    node.toggleAttribute("data-old", filled && !seen);
     if (filled && !seen) return;
     await act();
     filled = true;
@@ -232,7 +233,7 @@ function propertyTable({ id, spec, states, clock }) {
       [each.broken, each.complaint, ...(each.caveats ?? []).map((text) => `degraded: ${text}`)].map((text) => (text ? h("p", { class: "complaint" }, text) : null)),
       each.unasked ? h("p", { class: "hint unasked" }, "nothing was asked of it: ", h("code", {}, each.unasked), " never held") : null,
     ],
-    [badge(each.outcome), each.robustness === null ? null : ` robustness ${each.robustness}`, each.pending ? ` ${each.pending} open` : null],
+    [badge(each.outcome), each.degraded ? " degraded" : null, each.robustness === null ? null : ` robustness ${each.robustness}`, each.pending ? ` ${each.pending} open` : null],
     count(each.violations),
     first(each) || "–",
     count(each.unknown),

@@ -42,6 +42,7 @@ export function violationsView(id, again) {
     return [
       h("ol", { class: "violations" }, items.map((each) => entry(each, clock))),
       more ? h("button", { onclick: older }, "Older ones") : null,
+      cut && !more ? h("p", { class: "hint" }, `Of the newest ${MOST}; there are older ones. The keys [ and ] step through all episodes.`) : null,
     ];
   }
 

@@ -81,6 +81,7 @@ async def test_a_session_that_was_judged_too_early_is_degraded(start: Starts, pa
         await page.goto(f"{server.url}/#/sessions/full")
         await expect(page.locator(".now .card")).to_have_attribute("data-state", "degraded")
         await expect(page.locator(".now .card")).to_contain_text(DEGRADED)
+        await expect(page.locator(".properties tbody td:nth-child(2)")).to_have_text("✓ currently_true degraded")
 
 
 async def test_who_only_reads_a_history_tells_that_something_was_lost(start: Starts, page: Page) -> None:
@@ -123,3 +124,29 @@ async def test_that_nothing_was_asked_of_a_property_that_holds_is_told(start: St
         await expect(page.locator(".unasked")).to_have_count(0)
         await expect(card).not_to_contain_text("nothing was asked")
         assert "nothing was asked" not in run("close", "quiet", "--url", server.url).stdout
+
+
+OWED = """
+id: owed
+ordering: {max_delay: none}
+streams: [{topic: /ask}, {topic: /answer}]
+properties:
+  - {id: answered, formula: '{topic: /ask} -> eventually {topic: /answer}'}
+"""
+
+
+async def test_what_never_came_is_not_said_to_hold_once_nothing_comes_any_more(start: Starts, page: Page) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    server.http.put("/api/v1/specs/owed", content=OWED).raise_for_status()
+    card = page.locator(".now .card")
+    async with attached(server, session="s", spec="owed") as monitor:
+        await monitor.send(make_event(1, "/ask"), make_event(2, "/ask", at=1))
+        await monitor.send(make_clock("/ask", at=2), make_clock("/answer", at=2))
+        await monitor.acked(2)
+        await page.goto(f"{server.url}/#/sessions/s")
+        await expect(card).to_have_attribute("data-state", "hold")
+        await monitor.detach()
+    await expect(card).to_contain_text("Its property held at the newest step; 2 obligations still open: answered; no ")
+    server.http.delete("/api/v1/sessions/s")
+    await expect(card).to_contain_text("Its property holds at the end; 2 obligations still open: answered")
+    await expect(card).to_have_attribute("data-state", "undecided")

@@ -112,6 +112,21 @@ async def test_what_retention_has_deleted_was_there(start: Starts, page: Page) -
         assert len(asked) == 1, "what is gone is asked for once"
 
 
+async def test_that_there_are_more_violations_than_are_listed_is_told(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        events = [make_event(n, at=n, data={"v": 99 if n % 2 else 1}) for n in range(1, 2203)]
+        for first in range(0, len(events), 500):
+            await monitor.send(make_events(*events[first : first + 500]))
+        await monitor.acked(len(events))
+    violations = page.get_by_role("region", name="violations")
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    for listed in (20, 40, 80, 160, 320, 640):
+        await expect(violations.locator("li")).to_have_count(listed)
+        await violations.get_by_role("button", name="Older ones").click()
+    await expect(violations.locator("li")).to_have_count(1000)
+    await expect(violations).to_contain_text("Of the newest 1000; there are older ones.")
+
+
 async def test_that_it_failed_before_is_found_among_many_of_another_spec(start: Starts, page: Page) -> None:
     server = start()
     other = put(server, TIMES)

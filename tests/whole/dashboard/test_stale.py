@@ -222,3 +222,24 @@ async def test_how_often_it_is_brought_up_to_date_is_told_where_that_is_seldom(s
     await expect(page.get_by_role("status")).to_have_text(
         re.compile("^connected; there is much, and it is brought up to date every 15 s$")
     )
+
+
+async def test_violations_that_are_out_of_view_are_told_too(server: Server, session: str, page: Page) -> None:
+    """As on paper, or to who has the page read: beside the number of them stood that there are none."""
+    await page.set_viewport_size({"width": 1280, "height": 300})
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=GOOD))
+        await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/{session}")
+        await expect(page.get_by_role("region", name="violations")).to_have_text("None.")
+        await expect(page.locator(".chart td > a")).to_have_count(1)
+        await monitor.send(make_event(2, at=2, data=BAD))
+        await expect(page.locator(".violations li")).to_have_count(1)
+        await expect(page.locator(".chart td > a")).to_have_count(1)
+        await page.emulate_media(media="print")
+        told = "getComputedStyle(document.querySelector('.chart'), '::before').content"
+        assert "Not brought up to date" in await page.evaluate(told)
+        await page.emulate_media(media="screen")
+        await page.locator(".chart").scroll_into_view_if_needed()
+        await expect(page.locator(".chart td > a")).to_have_count(2)
+        await expect(page.locator(".chart")).not_to_have_attribute("data-old", "")
