@@ -42,6 +42,7 @@ export function colour(name) {
 
 function resolved(name) {
   const probe = document.createElement("i");
+  probe.style.forcedColorAdjust = "none"; // or all names have one colour, and text is painted on itself
   probe.style.color = `var(${name})`;
   document.body.append(probe);
   const found = getComputedStyle(probe).color;

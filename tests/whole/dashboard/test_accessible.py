@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator
 from typing import Any, Literal
 
@@ -68,3 +69,23 @@ async def open_view(page: Page, url: str, wanted: str) -> None:
     await page.goto("about:blank")
     await page.goto(url)
     await expect(page.locator(wanted).first).to_be_visible()
+
+
+async def test_what_is_told_by_colours_is_seen_where_the_system_has_its_own(
+    server: Server, session: str, page: Page
+) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, data={"v": 11}) | {"stamp": time.time_ns()})
+        await monitor.acked(1)
+    await page.emulate_media(forced_colors="active")
+    back = "(element) => getComputedStyle(element).backgroundColor"
+    await open_view(page, f"{server.url}/#/", ".bars button")
+    bar = page.locator(".bars button i").first
+    assert await bar.evaluate(back) != await page.locator("body").evaluate(back)
+    kinds = page.get_by_role("toolbar", name="Kinds").get_by_role("button")
+    assert await kinds.first.evaluate(back) != await kinds.last.evaluate(back), "the first one is pressed"
+    colours = """async () => {
+      const { colour } = await import("./dashboard/painting.js");
+      return ["paper", "bad", "fails", "fails-text", "holds"].map(colour);
+    }"""
+    assert len(set(await page.evaluate(colours))) >= 4, "the white of paper is that of a text"
