@@ -19,6 +19,7 @@ export function diagramView(id) {
   const settle = rove(head, "button:enabled", TO_AND_FRO);
   const node = h("section", { class: "sequence", "aria-label": "Sequence", hidden: true }, head, body);
   let [shown, record, answer, all, clock, mine, row] = [null, null, null, false, "wall", 0, 0];
+  let focused = false; // where the focus was in it when it was hidden
   const resized = new ResizeObserver(() => draw(stops().findIndex(isStop)));
   resized.observe(body);
 
@@ -44,7 +45,9 @@ export function diagramView(id) {
   }
 
   function fill(found, chosen) {
-    const focused = node.contains(document.activeElement) && (document.activeElement.dataset.role ?? "row");
+    const { activeElement: active } = document;
+    if (node.contains(active)) focused = active.dataset.role ?? "row";
+    else if (active !== document.body) focused = false; // somewhere else by now
     answer = found;
     node.hidden = !found;
     if (!found) return;
@@ -53,6 +56,7 @@ export function diagramView(id) {
     settle();
     draw();
     if (focused) (node.querySelector(`[data-role="${focused}"]`) ?? node.querySelector('a[tabindex="0"]'))?.focus({ preventScroll: true });
+    focused = false;
   }
 
   function captioned() {

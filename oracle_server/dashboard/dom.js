@@ -65,7 +65,7 @@ export function rove(node, selector, keys) {
 export const UP_AND_DOWN = { ArrowUp: -1, ArrowDown: 1 };
 export const TO_AND_FRO = { ArrowLeft: -1, ArrowRight: 1 };
 
-/** An element that is rebuilt only when the value that it shows has changed, so that focus and selection are kept. */
+/** An element that is rebuilt only when the value that it shows has changed, so that selection is kept; the focus is, too, where it is rebuilt. */
 export class Place {
   #shown;
 
@@ -77,10 +77,21 @@ export class Place {
   show(value, build) {
     const key = JSON.stringify(value, (_, each) => (typeof each === "bigint" ? `${each}n` : each));
     if (key === this.#shown) return false;
-    this.node.replaceChildren(...[build(value)].flat(Infinity).filter((child) => child !== null));
+    const made = [build(value)].flat(Infinity).filter((child) => child !== null);
+    const focused = this.node.contains(document.activeElement) ? document.activeElement : null;
+    const place = alike(this.node, focused).indexOf(focused);
+    this.node.replaceChildren(...made);
+    alike(this.node, focused)[place]?.focus({ preventScroll: true });
     this.#shown = key; // only now, since building may fail
     return true;
   }
+}
+
+/** The elements within a node that are to a reader what another one is: links to the same place, or of the same name and text. */
+function alike(node, other) {
+  if (!other) return [];
+  const what = (each) => each.getAttribute("href") ?? each.textContent;
+  return [...node.querySelectorAll(other.localName)].filter((each) => what(each) === what(other));
 }
 
 /** A new element of a drawing. */

@@ -11,6 +11,7 @@ from playwright.async_api import Browser, Page, expect
 from tests.whole.client import attached, make_clock, make_event
 from tests.whole.dashboard.focus import focus
 from tests.whole.dashboard.test_hostile import EVIL
+from tests.whole.dashboard.test_troubles import Held
 from tests.whole.harness import Server
 
 MINUS = "\N{MINUS SIGN}"
@@ -94,6 +95,19 @@ async def test_the_diagram_shows_who_sent_what_and_what_was_stopped(page: Page, 
     await expect(diagram.locator("a.violated:not(.denied)")).to_have_count(2)
     await expect(diagram.locator("rect.call")).to_have_count(1)
     await expect(diagram.locator("a.here")).to_have_count(1)
+
+
+async def test_the_focus_comes_back_to_the_diagram_where_an_answer_is_slow(page: Page, told: str) -> None:
+    held = Held()
+    await page.route("**/verdicts/6/explanation", held)
+    last = page.locator('.diagram a[href$="n=6"]')
+    await focus(last)
+    await page.keyboard.press("Enter")
+    await expect(page.locator(".verdict")).to_contain_text("being computed")
+    await expect(page.locator(".diagram a.here")).to_be_focused()
+    held.open.set()
+    await expect(page.locator(".verdict")).not_to_contain_text("being computed")
+    await expect(page.locator(".diagram a.here")).to_be_focused()
 
 
 async def lifeline(page: Page, name: str) -> float:
