@@ -122,6 +122,23 @@ async def test_rows_are_walked_by_arrows_and_explained_by_enter(page: Page, moni
     assert await page.locator(".time .tools button[tabindex='0']").count() == 1
 
 
+async def test_the_focus_stays_where_it_is_as_a_robot_goes_on(page: Page, monitor: Monitor) -> None:
+    """What changes each second was made anew, and who went there by keys was nowhere."""
+    open_card = page.locator(".now .card.open")
+    await focus(open_card)
+    await monitor.send(make_event(61, at=61 * SECOND, data={"v": 11}))
+    await expect(open_card.locator(".long")).to_have_text("11.0 s")
+    await expect(open_card).to_be_focused()
+    listed = page.locator(".violations a")
+    await expect(listed).to_have_count(3)
+    await focus(listed.first)
+    await monitor.send(at_second(62), make_event(63, at=63 * SECOND, data={"v": 11}))
+    await expect(listed).to_have_count(4)
+    await expect(listed.nth(1)).to_be_focused()
+    await page.keyboard.press("ArrowUp")
+    await expect(listed.first).to_be_focused()
+
+
 async def test_whether_it_happened_before_is_told_with_the_moment(server: Server, session: str, page: Page) -> None:
     text = (server.specs / "single.yaml").read_text().replace("id: single", f"id: {session}")  # no other has its spec
     assert server.http.put(f"/api/v1/specs/{session}", content=text).status_code == 201
@@ -142,6 +159,8 @@ async def test_whether_it_happened_before_is_told_with_the_moment(server: Server
 async def test_the_address_of_a_moment_is_copied(page: Page, monitor: Monitor, session: str) -> None:
     await page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     await expect(page.locator(".lane.property")).to_have_count(1)
+    goes_on = "() => { const later = setTimeout; window.setTimeout = (act, ms) => ms === 2000 || later(act, ms); }"
+    await page.evaluate(goes_on)  # what is said, however slow this is
     await page.get_by_role("button", name="Copy link").click()
     await expect(page.get_by_role("button", name="Copied")).to_be_visible()
     copied = await page.evaluate("navigator.clipboard.readText()")

@@ -236,6 +236,7 @@ async def test_violations_that_are_out_of_view_are_told_too(server: Server, sess
         await monitor.send(make_event(2, at=2, data=BAD))
         await expect(page.locator(".violations li")).to_have_count(1)
         await expect(page.locator(".chart td > a")).to_have_count(1)
+        await expect(page.locator(".chart")).to_have_attribute("data-old", "")
         await page.emulate_media(media="print")
         told = "getComputedStyle(document.querySelector('.chart'), '::before').content"
         assert "Not brought up to date" in await page.evaluate(told)
