@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
 from itertools import accumulate
 from typing import Any
 
@@ -23,6 +24,8 @@ from oracle_server.sessions.standing import caveats
 
 _AT_ONCE = 200
 """Rows that are made in one turn, of some 5 us each."""
+_LONG = 10 * SECOND
+"""For how long (ns) what came waits for its turn until properties say so: what they tell is not of now."""
 _FEW = 10
 """Streams that nobody observes any more, of which the properties tell."""
 
@@ -54,17 +57,18 @@ def _stated(
         "closed_because": None,
         "trouble": None if trouble is None else f"nothing more of it can be kept: {trouble}",
         "monitors": monitors,
-        **_told_of_monitors(session, _judged(session.core, now, session.ledger.refused, streams)),
+        **_told_of_monitors(session, _judged(session.core, now, session.ledger.refused, streams), now),
     }
 
 
-def _told_of_monitors(session: LiveSession, state: dict[str, Any]) -> dict[str, Any]:
+def _told_of_monitors(session: LiveSession, state: dict[str, Any], now: int) -> dict[str, Any]:
     """The state with the caveats of properties that come from their monitors.
 
-    They are of those that left, of what one holds and another's events do not see, of what several hear, and of clocks.
+    They are of those that left, of what one holds and another's events do not see, of what several hear, of clocks, and
+    of what is not judged for want of others.
     """
     lacks, misses, twice = _lacking(session), session.presence.apart.missing, doubled(session)
-    apart = list(_apart(session))
+    apart = [*_apart(session), *_unjudged(session, now)]
     for row in state["properties"] if lacks or misses or twice or apart else ():
         row["caveats"] += lacks.get(row["id"], ())
         row["caveats"] += misses.get(row["id"], ())
@@ -86,6 +90,15 @@ def _apart(session: LiveSession) -> Iterator[tuple[str, frozenset[str]]]:
             told = f"the clock of {name} is {seconds} s behind the server's, or what it sends takes so long"
             timed = frozenset(p.id for p in properties if p.time == "seconds")
             yield f"{told}: deadlines run out before what meets them comes", timed
+
+
+def _unjudged(session: LiveSession, now: int) -> Iterator[tuple[str, frozenset[str]]]:
+    """That what has come for long is not judged yet, what that waits for, and the properties, which are all."""
+    for step, awaited in _awaiting(session.core):
+        if now - step.event.came >= _LONG:
+            since = datetime.fromtimestamp(step.event.came // SECOND, UTC)
+            told = f"since {since:%F %T} UTC what comes is not judged: it waits for {awaited}"
+            yield told, frozenset(p.id for p in session.spec.properties)
 
 
 def _lacking(session: LiveSession) -> dict[str, list[str]]:
@@ -223,25 +236,19 @@ def _awaited(source: Source | None) -> dict[str, str] | None:
 
 def _waiting(core: Session, now: int) -> str | None:
     """What the session waits for, and how long already, as text; None where it does not wait."""
-    return "; ".join((*_asked(core, now), *_ordered(core, now))) or None
+    return "; ".join(f"held {_age(step, now)} ms for {awaited}" for step, awaited in _awaiting(core)) or None
 
 
-def _asked(core: Session, now: int) -> Iterator[str]:
-    """The external oracles that the first step in the order waits for."""
-    first = core.asking.first if core.asking else None
-    if first is None:
-        return
-    for index in sorted(first.missing):
-        prop = core.plan.spec.properties[index]
-        assert prop.external is not None  # noqa: S101 -- it was asked
-        yield f"held {_age(first.step, now)} ms for the oracle at {prop.external.url} of property {prop.id}"
-
-
-def _ordered(core: Session, now: int) -> Iterator[str]:
-    """The stream that the oldest event in the order waits for."""
+def _awaiting(core: Session) -> Iterator[tuple[Step, str]]:
+    """The steps whose turn it is, and what they wait for: oracles elsewhere, and a stream that the order waits for."""
+    if core.asking and (first := core.asking.first):
+        for index in sorted(first.missing):
+            prop = core.plan.spec.properties[index]
+            assert prop.external is not None  # noqa: S101 -- it was asked
+            yield first.step, f"the oracle at {prop.external.url} of property {prop.id}"
     source, oldest = core.buffer.awaited, next(iter(core.buffer.held), None)
     if source is not None and oldest is not None:
-        yield f"held {_age(oldest, now)} ms for {source[1]} of {source[0]}"
+        yield oldest, f"{source[1]} of {source[0]}"
 
 
 def _age(step: Step, now: int) -> int:
