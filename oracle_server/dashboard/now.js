@@ -29,10 +29,11 @@ export function nowView(id, visit) {
     const troubled = status === "open" && monitors.some(({ attached, streams }) => attached && streams?.some((each) => each.trouble));
     const gone = properties.some(({ violations }) => violations > 0);
     const over = status === "closed";
-    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, alone, over, past, gone, String(now)], () => [
+    const going = status === "open" && kind === "recording";
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, troubled, trouble, doubts, clock, alone, going, over, past, gone, String(now)], () => [
       ...open.slice(0, OPEN).map((each) => card(each, clock, now, past)),
       open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
-      open.length ? null : calm(standing, { troubled, trouble, doubts, alone, over }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
+      open.length ? null : calm(standing, { troubled, trouble, doubts, alone, going, over }, last || (gone && trouble) ? "" : gone ? " · its violations are kept no more" : " · no episode so far"),
       last ? card(last, clock, now, past) : null,
     ]);
   }
@@ -81,7 +82,7 @@ function firstOf(record) {
 }
 
 /** What is said where no episode is open, and `rest` of those before: that all is well only where all is known to hold. */
-function calm(standing, { troubled, trouble, doubts, alone, over }, rest) {
+function calm(standing, { troubled, trouble, doubts, alone, going, over }, rest) {
   if (!standing.length) return h("p", { class: "card calm unsure", "data-state": "not judged" }, h("strong", {}, "How its properties stand is not known"));
   const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
   const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
@@ -89,12 +90,13 @@ function calm(standing, { troubled, trouble, doubts, alone, over }, rest) {
   const unasked = [...new Set(standing.filter(([, , , , is]) => is).map(([name]) => name))];
   const waits = over || alone ? standing.filter(([, , , , , pending]) => pending) : []; // what must follow will hardly come any more
   const holding = standing.length - failing.length - unknown.length;
-  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : alone ? ["not watched", "unsure"] : waits.length ? ["undecided", "unsure"] : ["hold", "good"];
+  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : degraded.length || troubled || doubts.length ? ["degraded", "unsure"] : trouble ? ["not known", "unsure"] : alone ? ["not watched", "unsure"] : going ? ["being judged", "unsure"] : waits.length ? ["undecided", "unsure"] : ["hold", "good"];
   const few = (names) => `${names.slice(0, 3).join(", ")}${names.length > 3 ? " …" : ""}`;
   const words = [
     failing.length ? `${failing.length} of ${standing.length} fail: ${few(failing)}` : null,
     unknown.length ? `${unknown.length} of ${standing.length} not judged: ${few(unknown)}` : null,
-    !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held at the newest step" : `${holding === 1 ? "holds" : "hold"}${over ? " at the end" : ""}`}` : null,
+    !failing.length && !unknown.length ? `${holding === 1 ? "Its property" : `All ${holding} properties`} ${alone ? "held at the newest step" : `${holding === 1 ? "holds" : "hold"}${over ? " at the end" : going ? " so far" : ""}`}` : null,
+    going ? "the recording is not judged to its end yet" : null,
     unasked.length ? `nothing was asked of ${few(unasked)}` : null,
     waits.length ? `${counted(waits.reduce((sum, [, , , , , pending]) => sum + pending, 0), "obligation")} still open: ${few(waits.map(([name]) => name))}` : null,
     alone ? "no monitor is there now" : null,

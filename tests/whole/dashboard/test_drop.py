@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from base64 import b64encode
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from tests.replay.test_folders import SPEC as NUMBERS
 from tests.replay.test_folders import TOPICS
 from tests.whole.conftest import Starts
 from tests.whole.harness import Server
-from tests.whole.test_recordings import lines, log
+from tests.whole.test_recordings import children, lines, log, send
 
 _DROP = """async ([name, text]) => {
   const transfer = new DataTransfer();
@@ -98,3 +100,19 @@ async def test_one_that_is_too_large_is_refused(start: Starts, page: Page, tmp_p
     await page.get_by_label("recording", exact=True).set_input_files(log(tmp_path / "large.jsonl", 30_000))
     await expect(page.locator(".drop")).to_contain_text("large.jsonl: ")
     await expect(page.locator(".recordings li")).to_have_count(0)
+
+
+async def test_what_is_judged_in_part_so_far_is_not_called_good(start: Starts, page: Page, tmp_path: Path) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    many = 20_000
+    sent = send(server, log(tmp_path / "log.jsonl", many, big=many), "single", session="s")
+    await server.until(lambda: server.get(f"recordings/{sent['id']}"), lambda one: one["session"] is not None)
+    await server.until(lambda: server.get("sessions/s/verdicts", limit=1)["items"], len)
+    (process,) = children(server, "oracle_server.jobs.judging")
+    os.kill(process, signal.SIGSTOP)
+    await page.goto(f"{server.url}/#/sessions/s")
+    card = page.locator(".now .card").first
+    await expect(card).to_contain_text("Its property holds so far; the recording is not judged to its end yet")
+    await expect(card).to_have_attribute("data-state", "being judged")
+    os.kill(process, signal.SIGCONT)
+    await expect(card).to_contain_text("1 of 1 fail: a_is_small")
