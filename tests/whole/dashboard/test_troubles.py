@@ -99,7 +99,7 @@ async def test_a_recording_that_a_proxy_refuses_as_too_large_says_so(server: Ser
     await expect(page.locator(".drop")).to_be_visible()
     file = {"name": "log.jsonl", "mimeType": "text/plain", "buffer": b"{}"}
     await page.get_by_label("recording", exact=True).set_input_files(file)  # type: ignore[arg-type]
-    await expect(page.locator(".drop .bad")).to_contain_text(f"log.jsonl: {PROXIES[413]}")
+    await expect(page.locator(".drop p.bad")).to_contain_text(f"log.jsonl: {PROXIES[413]}")
 
 
 class Held:
