@@ -107,7 +107,10 @@ async def test_what_is_judged_in_part_so_far_is_not_called_good(start: Starts, p
     many = 20_000
     sent = send(server, log(tmp_path / "log.jsonl", many, big=many), "single", session="s")
     await server.until(lambda: server.get(f"recordings/{sent['id']}"), lambda one: one["session"] is not None)
-    await server.until(lambda: server.get("sessions/s/verdicts", limit=1)["items"], len)
+    stand = "currently_true"
+    await server.until(
+        lambda: [p["outcome"] for p in server.get("sessions/s")["properties"]], lambda now: now == [stand]
+    )
     (process,) = children(server, "oracle_server.jobs.judging")
     os.kill(process, signal.SIGSTOP)
     await page.goto(f"{server.url}/#/sessions/s")
