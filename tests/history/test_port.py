@@ -369,7 +369,7 @@ def test_no_statement_stands_outside_a_backend() -> None:
     package = Path(oracle_server.__file__).parent
     statement = re.compile(r"\b(SELECT .* FROM|INSERT INTO|UPDATE \w+ SET|DELETE FROM|CREATE TABLE|PRAGMA)\b")
     backends = {package / "history" / name for name in ("sql", "sqlite", "postgres", "copying", "forwarding")}
-    bags = package / "replay" / "sqlitefile.py"  # a recording of rosbag2 is such a database
+    bags = package / "replay" / "files" / "sqlitefile.py"  # a recording of rosbag2 is such a database
     assert [
         path
         for path in package.rglob("*.py")
