@@ -124,6 +124,23 @@ def test_who_calls_past_the_monitor_is_told_where_ros_has_moved_the_service(scen
     node.destroy_node()
 
 
+def test_who_is_past_the_monitor_is_told_by_the_name_that_ros_has_given_the_topic(scene: Scene) -> None:
+    monitor, pilot = scene.peer("monitor"), scene.peer("pilot")
+    moved = ["--ros-args", "-r", "/cmd:=/base/cmd"]
+    node = rclpy.create_node("moved", context=monitor.context, cli_args=moved)
+    forwarded = republished.MatchedPublisher(node, msg.Int64, "/cmd")
+    past = pilot.node.create_publisher(msg.Int64, "/base/cmd", 10)
+    text = "/pilot publishes /base/cmd past the monitor"
+    eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
+    pilot.node.destroy_publisher(past)
+    lasting = rclpy_qos.QoSProfile(depth=1, durability=rclpy_qos.DurabilityPolicy.TRANSIENT_LOCAL)
+    pilot.record(msg.Int64, "/base/cmd", lasting)
+    text = "/pilot can't receive /base/cmd: volatile publisher and transient local subscription"
+    eventually(lambda: forwarded.look([]), lambda trouble: trouble == text)
+    forwarded.stop()
+    node.destroy_node()
+
+
 GUARDED = """
 id: guarded
 streams:

@@ -68,7 +68,8 @@ class MatchedSubscription:
         self.unpublished.look(lambda: bool(self._publishers), self._others, self._is_others)
         wanted = to_request(self.offered)
         if self.offered and not same(wanted, self._profile):
-            text = f"matching the publishers of {self._topic}: {wanted.reliability.name.lower()}"
+            name = self._node.resolve_topic_name(self._topic)
+            text = f"matching the publishers of {name}: {wanted.reliability.name.lower()}"
             self._node.get_logger().info(f"{text}, {wanted.durability.name.lower()}")
             self._subscribe(wanted)
         return "; ".join(self._troubles())

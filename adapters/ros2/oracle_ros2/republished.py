@@ -34,7 +34,8 @@ class MatchedPublisher:
     def __init__(self, node: Node, message_type: Any, topic: str, offered: Sequence[QoSProfile] = ()) -> None:
         """Offer what `offered` would have it until `look` is given what the originals offer."""
         self._node, self._type, self._topic = node, message_type, topic
-        self._ungiven = Unmatched(f"subscribes to {node.resolve_topic_name(topic)}, and gets nothing of it")
+        self._name = name = node.resolve_topic_name(topic)  # as others know it
+        self._ungiven = Unmatched(f"subscribes to {name}, and gets nothing of it")
         self.bypass = ""
         """Who else publishes the topic, as of the last look; empty where nobody does."""
         self._namesakes: list[str] = []  # as of the last look at which the publishers were not being changed
@@ -217,7 +218,7 @@ class MatchedPublisher:
             try:
                 self._give(message, source)
             except Exception as error:  # noqa: BLE001 - others wait behind it
-                self._node.get_logger().error(f"a message of {self._topic} could not be passed on: {error!r}")
+                self._node.get_logger().error(f"a message of {self._name} could not be passed on: {error!r}")
 
     def _give(self, message: Any, source: str) -> None:
         publisher = self._publisher_of(source)
@@ -247,14 +248,14 @@ class MatchedPublisher:
         if not self._retired and self._next is self._publishers:  # else there are more of one's own
             self._namesakes = [f"another node named {full_name(info)}" for info in own[len(self._publishers) :]]
         past = [*map(full_name, others), *self._namesakes]
-        self.bypass = "; ".join(f"{other} publishes {self._topic} past the monitor" for other in past)
+        self.bypass = "; ".join(f"{other} publishes {self._name} past the monitor" for other in past)
         if self.bypass:
             yield self.bypass
         fitting = []
         for info in self._node.get_subscriptions_info_by_topic(self._topic):
             reasons = [misfit(one.qos_profile, info.qos_profile) or _unlike(one, info) for one in own]
             if reasons and all(reasons):
-                yield f"{full_name(info)} can't receive {self._topic}: {reasons[0]}"
+                yield f"{full_name(info)} can't receive {self._name}: {reasons[0]}"
             else:
                 fitting.append(full_name(info))
         ungiven = self._ungiven.look(fitting, self._publishers[0].get_subscription_count())
