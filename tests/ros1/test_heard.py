@@ -113,6 +113,20 @@ def test_who_may_be_no_monitor_is_told_where_it_is_left_out(tmp_path: Path) -> N
         assert "/peer1 is taken" not in adapter.log
 
 
+def test_who_publishes_the_monitor_s_own_verdict_is_told(tmp_path: Path) -> None:
+    """As another adapter of its name that `__ns` has moved, where one can't tell whose verdict it is."""
+    with Scene(tmp_path, spec_folder(tmp_path, WELL)) as scene:
+        words = ("--oracle", scene.server.url, "--spec", "well", "--monitor", "uav1", "__ns:=/robot2")
+        command = ("env", sys.executable, "-m", "oracle_ros1", *words)  # not forked: rospy reads `__ns` once
+        one, two = scene.adapter("well", "one"), scene.run("two", *command)
+        rest = "publishes /uav1/monitor_verdict too, where one can't tell whose verdict it is: give each monitor a name"
+        one.said(f"the monitor's name: /robot2/uav1 {rest}")
+        two.said(f"the monitor's name: /uav1 {rest}")
+        two.ends_well()
+        one.said("the monitor's name: recovered")
+        one.ends_well()
+
+
 NAMELESS = """
 import rospy
 from rospy.impl.tcpros_pubsub import TCPROSPub

@@ -11,6 +11,8 @@ OWN = ("/diagnostics", "/rosout")
 """Where monitors tell of violations: to observe that would be to violate again, for ever."""
 ERRORS, VERDICT = "monitor_error", "monitor_verdict"
 """The topics that each monitor has in its namespace: who publishes both is a monitor."""
+NAME = "the monitor's name"
+"""What the board calls it, which another monitor may have too."""
 
 
 def refuse_own(name: str, heard: str, own: Iterable[str]) -> None:
@@ -23,6 +25,15 @@ def refuse_own(name: str, heard: str, own: Iterable[str]) -> None:
             f"{name} can't be filtered by intercept: subscriber: the adapter itself speaks there, "
             "and would judge each of its own words; write intercept: publisher, or action: log"
         )
+
+
+def namesakes_text(others: Iterable[str], verdict: str) -> str:
+    """What to tell of those who publish a monitor's topic of verdicts too; empty for nobody."""
+    nodes = " and ".join(others)
+    if not nodes:
+        return ""
+    what = f"{nodes} publishes {verdict} too, where one can't tell whose verdict it is"
+    return f"{what}: give each monitor a name of its own, by --monitor"
 
 
 def errors_among(topics: Iterable[str]) -> List[str]:

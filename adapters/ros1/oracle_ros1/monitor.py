@@ -6,10 +6,11 @@ import itertools
 from typing import List, Optional
 
 import rospy
-from oracle_adapter import Attached, Board, ClockStamp, Link, Names
+from oracle_adapter import Attached, Board, ClockStamp, Link, Names, graph_name
 from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock, wall_doubt
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
+from oracle_adapter.monitors import NAME, VERDICT, namesakes_text
 
 from oracle_ros1.graph import Graph
 from oracle_ros1.headers import headers, node_of
@@ -41,6 +42,7 @@ class Monitor:
         self._link, self._board, self._streams = link, board, attached.streams
         self._now = now = simulated_now if simulated else wall_now
         self._graph = Graph()
+        self._verdict = rospy.resolve_name(f"{graph_name(attached.monitor)}/{VERDICT}")
         self._clocks, self._silent = Clocks(now), SilentClock(now)
         self._torn = TornClock()
         frame = attached.limits.get("max_frame")
@@ -95,6 +97,7 @@ class Monitor:
         time_doubt, silence = self._look_at_time(), self._graph.silence
         standing = "" if self._jumps is None else self._silent.doubt
         self._board.trouble(MASTER, silence)
+        self._board.trouble(NAME, "", namesakes_text(self._graph.publishers(self._verdict), self._verdict))
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble, part.doubt)

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Callable
 
-from oracle_adapter.monitors import doubt_text, doubtful, errors_among
+from oracle_adapter.monitors import doubt_text, doubtful, errors_among, namesakes_text
 from rclpy.executors import SingleThreadedExecutor
 
 from oracle_ros2.endpoints import UNKNOWN, full_name, is_named
@@ -100,10 +100,7 @@ def namesakes(node: Node, topic: str) -> str:
     found = Counter(full_name(info) for info in node.get_publishers_info_by_topic(topic))
     found[mine] -= 1
     others = sorted(f"another node named {mine}" if name == mine else name for name in +found)
-    if not others:
-        return ""
-    what = f"{' and '.join(others)} publishes {topic} too, where one can't tell whose verdict it is"
-    return f"{what}: give each monitor a name of its own, by --monitor"
+    return namesakes_text(others, topic)
 
 
 class Monitors:

@@ -10,7 +10,7 @@ from oracle_adapter import Attention, graph_name
 from oracle_adapter.clocks import SIMULATED, Clocks, SilentClock, TornClock, wall_doubt
 from oracle_adapter.command import check_names
 from oracle_adapter.interfaces import interfaces_of, report_unknown
-from oracle_adapter.monitors import VERDICT
+from oracle_adapter.monitors import NAME, VERDICT
 from rclpy.clock import Clock, ClockType
 
 from oracle_ros2.alone import GRAPH, Alone
@@ -29,8 +29,6 @@ LOOK_PERIOD = 0.5
 SHOW_PERIOD = 0.1
 BY_CLOCK = "start the adapter with --ros-args -p use_sim_time:=true"
 """How to run by simulated time."""
-NAME = "the monitor's name"
-"""What the board calls it."""
 
 
 class Monitor:
