@@ -39,6 +39,8 @@ from oracle_server.history.whose import ALL, Whose
 
 T = TypeVar("T")
 Done = Callable[[], object]
+DELETED = "a part of the session was deleted before it was read, as retention does: ask again for what is kept"
+"""What is said of a read that can't be whole any more."""
 
 
 class Writing(Protocol):
@@ -226,6 +228,7 @@ class Reading(Protocol):
     def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages: by arrival, monitor, sequence number and position; no revisions.
 
+        Raises `HistoryError` where one of them is deleted before it is read.
         The memory needed does not grow. Nothing is kept open between two pages that a writer would wait for.
         """
         ...

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from oracle_server.core.events import Order
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import Outcome
+from oracle_server.history.pages import unbroken
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord, StoredStep
 from oracle_server.history.views import records, said
@@ -18,7 +19,7 @@ from oracle_server.history.views import records, said
 async def changed_records(history: Reading, session: SessionRecord) -> AsyncGenerator[list[VerdictRecord], None]:
     """The records of a session's committed steps that `Changes` takes, page by page. Raises `HistoryError`."""
     changes = Changes(session.properties)
-    async with aclosing(history.steps(session.number, 0)) as pages:
+    async with aclosing(unbroken(history, session.number)) as pages:
         async for page in pages:
             yield await history.in_thread(partial(changes.take, page))
     yield await history.in_thread(changes.rest)

@@ -12,6 +12,7 @@ from typing import ClassVar, TypeVar
 import structlog
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.history.port import DELETED
 from oracle_server.history.readers import Readers
 from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.rows import Row
@@ -86,7 +87,8 @@ class Reader:
 
         `order` selects the rows' keys, which are put into a temporary table of this reader's own; `page` selects rows
         with those keys whose places there are from one number to another, and with these places as their last column.
-        A page has `size` rows at most, and fewer where they are long. So no read stays open between two pages: the
+        A page has `size` rows at most, and fewer where they are long. Raises `HistoryError` where one was deleted
+        meanwhile: without it, what is read would look whole. So no read stays open between two pages: the
         database's log could not be taken in meanwhile, and would grow without bound.
         """
         reader = await self._in_thread(self._connect)
@@ -100,7 +102,10 @@ class Reader:
             """What is made of rows, and the place behind the last one."""
             with in_use:
                 rows, is_cut = _first(reader, page, (*values, first, last))
-                return [make(row[:-1]) for row in rows], (int(rows[-1][-1]) if is_cut else last) + 1
+                behind = (int(rows[-1][-1]) if is_cut else last) + 1
+                if len(rows) < behind - first:
+                    raise HistoryError(DELETED)
+                return [make(row[:-1]) for row in rows], behind
 
         def sort() -> None:
             with in_use:
@@ -111,7 +116,7 @@ class Reader:
             await self._in_thread(sort, self._sorting)
             count, first, rows = await self._in_thread(total), 1, min(FIRST_PAGE, size)
             while first <= count:
-                found, behind = await self._in_thread(partial(read, first, first + rows - 1))
+                found, behind = await self._in_thread(partial(read, first, min(first + rows - 1, count)))
                 yield found
                 first, rows = behind, following(rows, behind - first, size)
         finally:  # where this is cancelled, a thread still reads: it would crash, were this closed meanwhile
