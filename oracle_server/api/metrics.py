@@ -158,6 +158,7 @@ class ServerCollector:
         depths = GaugeMetricFamily("oracle_queue_depth", "Entries that wait, by queue", labels=["queue"])
         depths.add_metric(["order"], sum(len(s.core.buffer) for s in sessions))
         depths.add_metric(["history"], self._history.pending)
+        depths.add_metric(["alarms"], self._webhooks.waiting if self._webhooks else 0)
         depths.add_metric(["monitors"], sum(getattr(outbox, "queued", 0) for outbox in outboxes))
         yield depths
         yield GaugeMetricFamily("oracle_sessions", "Open sessions", len(sessions))

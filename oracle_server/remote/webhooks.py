@@ -101,6 +101,8 @@ class _Courier:
         self._queue: deque[_Queued] = deque()
         self._changed, self._stopped = threading.Condition(), threading.Event()
         self._seldom = Seldom()
+        self._away = False
+        """Whether the last try failed, and the alarm waits for the next one."""
         self._thread = threading.Thread(target=self._run, name="alarms", daemon=True)
         self._thread.start()
 
@@ -153,6 +155,7 @@ class _Courier:
         reason = ""
         for wait in (*self._backoff, None):
             reason, again = _attempt(http, waiting, self.receiver, queued, body)
+            self._note(reason, again)
             if not reason:
                 return ""
             if not again or wait is None:
@@ -160,6 +163,15 @@ class _Courier:
             if self._stopped.wait(wait):
                 return None
         return reason
+
+    def _note(self, reason: str, again: bool) -> None:
+        """Log it where a receiver begins not to take alarms, minutes before the first is dropped, and where it ends."""
+        if again and not self._away:
+            where = self.receiver.host
+            log.warning("alarms do not arrive now; they wait, and are tried again", receiver=where, reason=reason)
+        elif self._away and not reason:
+            log.info("alarms arrive again", receiver=self.receiver.host)
+        self._away = again or (self._away and bool(reason))
 
     def _drop(self, reason: str) -> None:
         self.dropped += 1

@@ -22,6 +22,8 @@ from oracle_server.remote.webhooks import MOST, Webhooks
 from tests.processes import PATIENCE
 from tests.remote.receiving import SECRET, Receiving, receiving
 
+_TOLD = ("alarms do not arrive now", "alarms are dropped", "alarms arrive again")
+
 
 @pytest.fixture
 def receiver() -> Iterator[Receiving]:
@@ -114,6 +116,21 @@ def test_the_log_has_no_more_of_an_address_than_its_host(
     assert "alarms are dropped" in said
     assert "127.0.0.1" in said
     assert "s3cret" not in said
+
+
+def test_it_is_told_at_once_where_alarms_do_not_arrive_and_once_they_do_again(
+    receiver: Receiving, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing was said for the four minutes until the first was dropped."""
+    receiver.answers = [500, 500, 400, 500, 204, 500]
+    with hooks(receiver.url) as webhooks:
+        for _ in range(3):
+            webhooks.send({"alarm": "violation"})
+        until(lambda: webhooks.sent == 2)
+    lines = [line for line in capsys.readouterr().out.splitlines() if "alarms" in line]
+    told = [next(text for text in _TOLD if text in line) for line in lines]
+    assert told == [_TOLD[0], _TOLD[1], _TOLD[2], _TOLD[0], _TOLD[2]]
+    assert "it answered 500" in lines[0]
 
 
 def test_what_a_slow_receiver_leaves_has_an_end(receiver: Receiving) -> None:

@@ -71,7 +71,8 @@ async def test_decisions_are_made_while_the_receiver_answers_nothing(start: Star
                 await monitor.send(make_event(seq, at=1500 * seq, data=BIG if seq % 2 else SMALL))
             await monitor.acked(40)
             assert len(server.records("s", "violations")) == 20
-            assert value(numbers(server), "alarms_sent_total") == 0
+            found = numbers(server)
+            assert (value(found, "alarms_sent_total"), value(found, "queue_depth", queue="alarms")) == (0, 20)
             await monitor.detach()
         receiver.take()
         assert server.stop() == 0, "and it stops beside it"
