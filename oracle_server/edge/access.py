@@ -1,5 +1,7 @@
 """Authentication by token: 401 without a valid one, 403 beyond its scopes, before the rest of a request is read.
 
+503 where the tokens can't be read: who has a good one comes again.
+
 What a token has opened ends when the token is removed or changed.
 """
 
@@ -27,6 +29,7 @@ _RECHECK = 0.5
 """Seconds between two looks at whether tokens were removed."""
 _NEEDED = "a token is needed: send `Authorization: Bearer TOKEN`; `oracle-server token add` makes one"
 _UNKNOWN = "the token that was sent is not known here: it is mistyped, was removed, or is of another server"
+_UNREADABLE = "the server can't read its file of tokens, and lets nobody in until it can; its log says why"
 
 log = structlog.get_logger()
 
@@ -57,6 +60,9 @@ class Access:
         state = scope.setdefault("state", {})
         visitor: Visitor | None = state.get(VISITOR)
         if needed is not None:
+            if grant is None and self._tokens.unreadable:  # by 401 adapters would give up, whose tokens may be good
+                await refuse(scope, receive, send, 503, _UNREADABLE)
+                return
             if grant is None:
                 await refuse(scope, receive, send, 401, _UNKNOWN if token else _NEEDED, {"WWW-Authenticate": "Bearer"})
                 return

@@ -100,6 +100,8 @@ class Tokens:
         self._seen: tuple[int, ...] | None = None
         self._grants: dict[str, Grant] = {}
         self._changed = True
+        self.unreadable = False
+        """Whether the file that is there now can't be used: nobody is known then, with a good token either."""
         self._reading = asyncio.Lock()
         self.required = _is_there(path)
         if self.required:
@@ -128,11 +130,13 @@ class Tokens:
             seen = _stat(self._path)
             if seen == self._seen:
                 return
-            grants: dict[str, Grant] = {}
+            grants, unreadable = dict[str, Grant](), False
             try:
                 grants = await asyncio.to_thread(_grants, self._path)
             except TokenError as error:
+                unreadable = True
                 log.error("the tokens can't be read: all requests are refused", reason=str(error))
+            self.unreadable = unreadable
             self._seen, self._grants, self._changed, self.required = seen, grants, True, True
 
 
