@@ -78,5 +78,6 @@ def _is_about(event: Mapping[str, Any], reply: Mapping[str, Any]) -> bool:
     name = next(key for key in GROUPS if key in event)
     if str(reply.get(name)).removeprefix("/") != event[name].removeprefix("/"):
         return False
-    time = reply.get("time", event["time"])
-    return not isinstance(time, int | float) or abs(time - event["time"]) < _SAME_TIME
+    sent = event["time"]
+    time = reply.get("time", sent)  # compared alone: an integer too large for a float can't be subtracted
+    return not isinstance(time, int | float) or sent - _SAME_TIME < time < sent + _SAME_TIME

@@ -73,6 +73,8 @@ REPLIES = [
     ('{"verdict": 1}', NOTHING), ('{"verdict": "not true"}', NOTHING), ('{"verdict": ["true"]}', NOTHING),
     ('{"verdict": {"ok": true}}', NOTHING), ('{"verdict": "true", "ok": false}', NOTHING), ("true true", NOTHING),
     ('{"verdict": null, "ok": true}', NOTHING), ('{"verdict": "true"', NOTHING), ("[" * 10_000, NOTHING),
+    ('{"verdict": "\\ud800"}', NOTHING), (f'{{"topic": "a", "time": 1{"0" * 400}, "verdict": true}}', None),
+    ('{"verdict": true}', YES),
 ]  # fmt: skip
 """Replies, and what they are: None for what is about another event, after which the oracle is connected anew."""
 
