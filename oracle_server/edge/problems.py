@@ -11,6 +11,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
+from starlette.routing import Match, Route
 from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import HistoryError, SpecError
@@ -69,9 +70,11 @@ def install(app: FastAPI) -> None:
     """Answer every error of an app by a problem."""
 
     @app.exception_handler(HTTPException)
-    async def _http(_: Request, error: HTTPException) -> JSONResponse:
+    async def _http(request: Request, error: HTTPException) -> JSONResponse:
         response = problem(error.status_code, str(error.detail))
         response.headers.update(error.headers or {})
+        if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:  # each method has a route, and the first one's was told
+            response.headers["Allow"] = ", ".join(sorted(_methods(request)))
         return response
 
     @app.exception_handler(RequestValidationError)
@@ -96,3 +99,11 @@ def install(app: FastAPI) -> None:
     async def _bug(_: Request, error: Exception) -> JSONResponse:
         short = shortage(error)
         return problem(503, short) if short else problem(500, "the server failed to answer; see its log")
+
+
+def _methods(request: Request) -> set[str]:
+    """The methods by which there is anything at the path of a request."""
+    routes = [route for route in request.app.routes if isinstance(route, Route)]
+    found = [route.methods or () for route in routes if route.matches(request.scope)[0] is not Match.NONE]
+    methods = {method for each in found for method in each}
+    return methods | {"HEAD"} if "GET" in methods else methods

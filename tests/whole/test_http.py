@@ -254,6 +254,23 @@ async def test_what_is_not_there_is_a_problem(server: Server, method: str, path:
         assert response.headers["allow"]
 
 
+@pytest.mark.parametrize("method", ["PATCH", "OPTIONS"])
+@pytest.mark.parametrize(
+    ("path", "methods"),
+    [
+        ("/healthz", "GET, HEAD"),
+        ("/api/v1/specs/lamp", "GET, HEAD, PUT"),
+        ("/api/v1/specs/lamp/check", "POST"),
+        ("/api/v1/sessions", "GET, HEAD, POST"),
+        ("/api/v1/sessions/x", "DELETE, GET, HEAD"),
+    ],
+)
+async def test_all_methods_that_there_are_are_told(server: Server, method: str, path: str, methods: str) -> None:
+    response = server.http.request(method, path)
+    problem(response, 405)
+    assert response.headers["allow"] == methods
+
+
 async def test_what_is_no_http_is_a_problem_too(server: Server) -> None:
     host, port = server.url.removeprefix("http://").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
