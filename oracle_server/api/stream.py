@@ -105,9 +105,15 @@ async def _page(
     history: Reading, known: SessionRecord, wanted: Question, doubts: Doubts | None
 ) -> tuple[bytes, Question, bool]:
     """The next events as text, what is asked for behind them, and whether there is more of it already."""
-    first, last = (position * len(known.properties) for position in await history.extent(known.number))
-    told, wanted = _missed(wanted, first - len(known.properties), last)
-    items, more = await find(history, known, wanted, doubts)
+    deleted, last = await _ends(history, known)
+    while True:
+        told, asked = _missed(wanted, deleted, last)
+        items, more = await find(history, known, asked, doubts)
+        deleted, now = await _ends(history, known)
+        if not 0 < (asked.after or 0) < deleted:
+            break
+        last = now  # retention has overtaken it meanwhile: what is found may lack what was to come first
+    wanted = asked
     seen = last if more is None else more
     if more is None and items:
         seen = max(seen, items[-1][0])
@@ -115,6 +121,12 @@ async def _page(
     events += await _gaps(history, known, wanted.after or 0, seen)
     text = told + b"".join([event for _, event in sorted(events)])
     return text, replace(wanted, after=max(seen, wanted.after or 0)), more is not None
+
+
+async def _ends(history: Reading, known: SessionRecord) -> tuple[int, int]:
+    """The last verdict of a session that is deleted, and the last one that there is."""
+    first, last = await history.extent(known.number)
+    return (first - 1) * len(known.properties), last * len(known.properties)
 
 
 async def _gaps(history: Reading, known: SessionRecord, after: int, seen: int) -> list[tuple[int, bytes]]:

@@ -10,6 +10,7 @@ import pytest
 
 from oracle_server.api import stream
 from oracle_server.cli.client import Client
+from oracle_server.history import pages
 from oracle_server.history.records import SessionRecord
 from tests.api.conftest import Asked
 from tests.sessions.making import GUARD, Kept, attach, event
@@ -71,6 +72,23 @@ async def test_of_what_is_asked_for_alone_it_says_what_it_lacks(filled: Asked) -
     told = parsed(answer.text)
     assert told[0]["missed"]["next"] == KEPT_FROM
     assert [each["id"] for each in told[1:-1]] == [n for n in range(KEPT_FROM, COUNT + 1) if n % 2]
+
+
+async def test_what_retention_deletes_while_a_page_is_read_is_told_too(
+    filled: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was looked for before the page was read alone: where it went in between, the stream went on behind it."""
+    (kept,) = filled.registry._history._kept.values()  # type: ignore[attr-defined]
+    real = pages.find
+
+    async def find(*question: Any) -> Any:
+        await filled.registry._history.forget_steps(kept.record.number, 16)
+        return await real(*question)
+
+    monkeypatch.setattr(stream, "find", find)
+    answer = await filled.http.get("/api/v1/sessions/s/stream", params={"after": 12})
+    missed = {"missed": {"after": 12, "next": 16, "why": "verdicts 13 to 15 are not kept any more"}}
+    assert parsed(answer.text) == [missed, *({"id": n} for n in range(16, COUNT + 1)), {"closed": {}}]
 
 
 @pytest.mark.parametrize("begin", [0, 3, 11, 13, 14, 16, 17])
