@@ -10,6 +10,7 @@ from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged, Outcome, Verdict, explain
 from oracle_server.history.records import SessionRecord
+from oracle_server.sessions.summary import WHY_DEGRADED
 
 _LONGEST = 2_000
 
@@ -29,17 +30,26 @@ class Sink(Protocol):
 
 
 class Degraded:
-    """Tells the first of degraded verdicts less than a gap apart from those that follow it, for each property."""
+    """Tells where the verdicts of a property become degraded: most are so to the end, and are told once.
+
+    Those that were not degraded for less than a gap between (ns), as of a stream that is bypassed now and then, go on.
+    """
 
     def __init__(self, gap: int) -> None:
         self._gap = gap
         self._last: dict[str, int] = {}
+        self._going_on: set[str] = set()
 
-    def begins(self, prop: str, stamp: int) -> bool:
-        """Note one at a time (ns); whether it is the first."""
+    def begins(self, prop: str, stamp: int, *, degraded: bool) -> bool:
+        """Note a verdict at a time (ns), and whether it is degraded; whether that begins with it."""
+        if not degraded:
+            self._going_on.discard(prop)
+            return False
         last = self._last.get(prop)
+        began = prop not in self._going_on and (last is None or stamp - last >= self._gap)
         self._last[prop] = stamp if last is None else max(last, stamp)
-        return last is None or stamp - last >= self._gap
+        self._going_on.add(prop)
+        return began
 
 
 class SessionAlarms:
@@ -49,6 +59,8 @@ class SessionAlarms:
         """Give alarms to `sink`; what is final of the session already is told no more."""
         order, judge = next(iter(core.judges.items()))
         self._record, self._order, self._sink = record, order, sink
+        self._states = {state.property.id: state for state in judge.told.properties}
+        self._broken: set[str] = set()
         self._degraded = Degraded(core.plan.spec.gap)
         self._final = {s.property.id for s in judge.told.properties if s.outcome is Outcome.FALSE}
         self._wants = {what: sink.wants(what) for what in ("violation", "final", "degraded")}
@@ -91,10 +103,23 @@ class SessionAlarms:
             if verdict.outcome is Outcome.FALSE and verdict.property not in self._final and self._wants["final"]:
                 self._final.add(verdict.property)
                 yield self._about("final", item, verdict, f"{verdict.property} is violated for good")
-            degraded = verdict.degraded and self._wants["degraded"]
-            if degraded and self._degraded.begins(verdict.property, item.step.stamp):
-                text = f"the verdicts of {verdict.property} are degraded: events were lost, late or bypassed"
+            if self._wants["degraded"] and (text := self._doubt(item, verdict)):
                 yield self._about("degraded", item, verdict, text)
+
+    def _doubt(self, item: Judged, verdict: Verdict) -> str | None:
+        """Why a property is degraded from a verdict on, or not judged any more; None where that does not begin."""
+        name = verdict.property
+        begins = self._degraded.begins(name, item.step.stamp, degraded=verdict.degraded)
+        if name in self._broken:
+            return None
+        broken = self._states[name].broken
+        if broken is not None and verdict.outcome is Outcome.UNKNOWN:
+            self._broken.add(name)
+            return one_line(f"{name} is no longer judged: {broken}"[:_LONGEST])
+        if not begins:
+            return None
+        why = "a stream that it guards or reads is bypassed" if verdict.bypassed else WHY_DEGRADED
+        return f"the verdicts of {name} are degraded: {why}"
 
     def _about(self, what: str, item: Judged, verdict: Verdict, text: str) -> Alarm:
         place = {"n": verdict.n, "step": item.number, "stamp": item.step.stamp, "outcome": verdict.outcome.value}

@@ -24,6 +24,8 @@ _BRIEF = (
 
 LISTED = 1_000
 """Closed sessions that are listed at the most."""
+WHY_DEGRADED = "what came before was lost, skipped, not computed or judged too early"
+"""Why verdicts are degraded for good, where nothing tells more."""
 _FEW = 3
 """Caveats, and doubts, that a list shows of a session."""
 
@@ -136,8 +138,7 @@ def _doubts(state: Document) -> Iterator[str]:
 def _degraded(names: list[str]) -> str:
     """That what properties say may be wrong for good, where nothing else tells why: `capacity`, or another server."""
     more = " and others" if len(names) > _FEW else ""
-    why = "what came before was lost, skipped, not computed or judged too early"
-    return f"verdicts of {', '.join(names[:_FEW])}{more} are degraded: {why}"
+    return f"verdicts of {', '.join(names[:_FEW])}{more} are degraded: {WHY_DEGRADED}"
 
 
 def _doubts_of_recording(state: Document) -> Iterator[str]:

@@ -19,26 +19,34 @@ from tests.sessions.test_episodes import SPEC, START, Served
 SECOND = 10**9
 
 
-def test_degraded_verdicts_less_than_a_gap_apart_are_told_once_of_each_property() -> None:
+def test_degraded_verdicts_are_told_where_they_begin_and_not_while_they_go_on() -> None:
     degraded = Degraded(SECOND)
-    stamps = (0, SECOND - 1, 2 * SECOND - 2, 3 * SECOND - 2, 3 * SECOND - 1)
-    assert [degraded.begins("p", stamp) for stamp in stamps] == [True, False, False, True, False]
-    assert degraded.begins("q", 1)
-    assert not degraded.begins("p", 0), "one that was late"
-    assert not degraded.begins("p", 4 * SECOND - 2), "the gap is from the latest"
+
+    def begins(prop: str, seconds: float, *, is_so: bool = True) -> bool:
+        return degraded.begins(prop, int(seconds * SECOND), degraded=is_so)
+
+    assert not begins("p", 0, is_so=False)
+    assert [begins("p", seconds) for seconds in (1, 1.5, 60, 3600)] == [True, False, False, False]
+    assert begins("q", 1)
+    assert not begins("p", 3600.1, is_so=False)
+    assert not begins("p", 3600.9), "less than a gap between"
+    assert not begins("p", 3500), "one that was late"
+    assert not begins("p", 3601, is_so=False)
+    assert begins("p", 3601.9), "a gap behind the latest"
 
 
 class Receiver:
-    """Keeps the alarms that it wants: violations."""
+    """Keeps the alarms of the one kind that it wants."""
 
-    def __init__(self) -> None:
+    def __init__(self, what: str = "violation") -> None:
+        self.what = what
         self.alarms: list[dict[str, Any]] = []
 
     def wants(self, what: str) -> bool:
-        return what == "violation"
+        return what == self.what
 
     def send(self, alarm: dict[str, Any]) -> None:
-        if alarm["alarm"] == "violation":
+        if self.wants(alarm["alarm"]):
             self.alarms.append(alarm)
 
 
@@ -51,6 +59,40 @@ class Alarming(Served):
         self.sessions = Registry(self.history, self.library, Clock(), resume_within=3600, alarms=self.receiver)
         await self.sessions.restore_all()
         self.live, self.monitor = await self.sessions.attach(attach("s", "spec"), Kept())
+
+
+DOUBTFUL = """
+id: spec
+ordering: {by: arrival}
+streams:
+  - topic: /a
+    signals: {v: '1.0 / msg.v'}
+  - topic: /b
+    signals: {w: msg.w}
+properties:
+  - id: small
+    formula: 'not {v > 5}'
+  - id: dear
+    formula: 'forall[x, y]. once {v: *x} or not once {w: *y} or not {topic: /b}'
+"""
+
+
+async def test_it_is_told_once_why_a_property_is_degraded_and_that_one_is_not_judged_any_more(tmp_path: Path) -> None:
+    served = Alarming(MemoryHistory(), tmp_path, DOUBTFUL)
+    served.receiver = Receiver("degraded")
+    await served.begin()
+    for seq in range(1, 300):
+        message = event(seq, "/a", v=1 - seq) if seq % 2 else event(seq, "/b", w=seq)
+        served.live.ingest(served.monitor, message.model_copy(update={"stamp": START + 2 * SECOND * seq}))
+        if seq < 4:
+            await served.commit()
+    await served.sessions.closed_within(served.live, PATIENCE)
+    told = [(alarm["property"], alarm["text"]) for alarm in served.receiver.alarms]
+    lost = "what came before was lost, skipped, not computed or judged too early"
+    *others, (name, text) = told
+    assert others == [(each, f"the verdicts of {each} are degraded: {lost}") for each in ("small", "dear")]
+    assert name == "dear"
+    assert text.startswith("dear is no longer judged: its steps cost too much")
 
 
 @pytest.mark.parametrize("late", ["judge", "revise, horizon: 60s"])
