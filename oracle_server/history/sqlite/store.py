@@ -93,8 +93,11 @@ def _make_private(path: Path) -> None:
 
 
 def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
+    (pages,) = writer.execute("PRAGMA page_count").fetchone()
     writer.execute("PRAGMA journal_mode = WAL")
     writer.execute(f"PRAGMA synchronous = {durability.upper()}")
     version = migrate(writer)
+    if pages and not version:
+        log.warning("the history was empty; a copy of one in use lacks what is in the `history.sqlite-wal` beside it")
     if version not in (0, VERSION):
         log.info("the history was migrated to a newer format", was=version, now=VERSION)
