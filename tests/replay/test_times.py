@@ -104,6 +104,13 @@ OWN: dict[str, tuple[list[dict[str, Any]], str, str]] = {
     ),
     "a stamp in milliseconds": ([own(BASE, BASE // 10**6)], "", "which are milliseconds: it is taken for nanoseconds"),
     "no time beside times": ([own(stamp=1), own()], "", "no time passes where none is said: 1 line of 2"),
+    "a time in the message": ([own(), own(header={"stamp": 2})], "", "no time passes where none is said: 1 line of 2"),
+    "a field like a time": (
+        [{"topic": "/a", "v": 1, "stamp": 1.5}, {"topic": "/a", "v": 1, "timestamp": 2.5}],
+        "",
+        "1 line of 2; `timestamp` is not read as one: name it in the spec, with its unit, as "
+        "`stamp: {field: timestamp, unit: s}` of its stream",
+    ),
     "a misspelt key": (
         [{"stream": "/a", "arived": 1, "data": {"v": 1}}] * 2,
         "",

@@ -140,6 +140,8 @@ class Trace:
         published = line.stamp or stamp_in(message, where)
         if not line.places:
             self._times.look(place, line.arrived, line.stamp or line.otherwise, fault)
+            if line.arrived is None and published is None and line.otherwise is None:
+                self._times.timeless(message if where is None and isinstance(message, dict) else ())
         if line.data is not None and (published is None or not (where is None or where.plain)):
             self._look_inside(line, place, where)
         stamp = published or line.otherwise

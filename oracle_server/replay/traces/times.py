@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from oracle_server.core.spec import SECOND
@@ -18,6 +18,8 @@ _AS_BEFORE = "it counts as arrived with the line before"
 _UNITS = (("seconds", 1), ("milliseconds", 10**3), ("microseconds", 10**6))
 """Units that are taken for nanoseconds, and how many make a second."""
 _DAY = 86_400
+_LIKE_TIMES = ("timestamp", "time_stamp", "timestamp_ns", "time_ns", "t", "ts", "stamp", "stamp_ns", "date", "datetime")
+"""Names, in small letters, of keys that mostly say when a message was sent."""
 
 
 @dataclass(slots=True)
@@ -29,6 +31,7 @@ class Times:
     _faults: dict[str, tuple[str, int]] = field(default_factory=dict)
     _events: int = 0
     _timeless: int = 0
+    _unread: str = ""
     _now: int = 0
     _first: int = 0
     _last: int = 0
@@ -41,7 +44,6 @@ class Times:
     def look(self, place: str, arrived: int | None, stamp: int | None, fault: str) -> None:
         """Look at a line's time of arrival and its own stamp (ns); `fault`: one of them could not be read."""
         self._events += 1
-        self._timeless += arrived is None and stamp is None
         time = arrived if self.clocked else stamp
         if time:
             self._first, self._last = min(self._first or time, time), max(self._last, time)
@@ -58,11 +60,21 @@ class Times:
             self.note(place, f"`stamp` is {stamp}, which are {unit}", "it is taken for nanoseconds")
         self._now = max(self._now, arrived or 0)
 
+    def timeless(self, fields: Iterable[str]) -> None:
+        """Count a line that says no time that is read, neither beside its message nor in one of its fields."""
+        self._timeless += 1
+        self._unread = self._unread or next((key for key in fields if key.lower() in _LIKE_TIMES), "")
+
     def notes(self, *, timed: bool) -> list[Note]:
         """All that is to be said; `timed`: some formula counts seconds."""
         found = [f"{first}: {then}{_such(count)}" for then, (first, count) in self._faults.items()]
         if not self.clocked and self._timeless and (timed or self._timeless < self._events):
-            found.append(f"no time passes where none is said: {counted(self._timeless, 'line')} of {self._events}")
+            mend = (
+                f"; `{self._unread}` is not read as one: name it in the spec, with its unit, as "
+                f"`stamp: {{field: {self._unread}, unit: s}}` of its stream"
+            )
+            lines = f"{counted(self._timeless, 'line')} of {self._events}"
+            found.append(f"no time passes where none is said: {lines}{mend if self._unread else ''}")
         return [*(Note(text, doubt=True) for text in found), *notes_of_span(self._first, self._last)]
 
 
