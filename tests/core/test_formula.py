@@ -281,6 +281,7 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("once[-2:0] {x}", "without a sign: write `[0:2]`"),
         ("once[-500ms,-1s] {x}", "without a sign: write `[500ms:1s]`"),
         ("once[:-2] {x}", "without a sign: write `[2:]`"),
+        ("once[-1:2] {x}", "before is `once[:1] {…}`, and what comes after `{cause} -> eventually[:2] {…}`"),
         ("once[-5:] {x}", "without a sign: write `[:5]`"),
         ("once[2s] {x}", "write `[:2s]` for up to 2s ago, or `[2s:]`"),
         ("once[<=5] {x}", "write `[:5]`"),

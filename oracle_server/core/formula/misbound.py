@@ -100,6 +100,8 @@ def mended(within: str, *, ahead: bool = False) -> str:  # noqa: PLR0911 -- a ca
         return f"leave the brackets out for whatever was, or {_EXAMPLES}"
     if any(end.signed for end in ends):
         way = "on" if ahead else "back"
+        if len(ends) == 2 and ends[0].text and ends[1].text and ends[1].size and not ends[1].signed:
+            return f"it counts {way} from now, without a sign, and has one side: {_both_ways(ends)}"
         return f"it counts {way} from now, without a sign: write `{_bound(ends)}`"
     if len(ends) == 1 and not ends[0].order and ends[0].text is not None:
         text = ends[0].text
@@ -108,6 +110,12 @@ def mended(within: str, *, ahead: bool = False) -> str:  # noqa: PLR0911 -- a ca
         return f"write `[:{text}]` for up to {text} ago, or `[{text}:]` for at least so long ago"
     spaced = "".join(within.split()) == f"{_bound(ends)}"[1:-1]
     return f"write `{_bound(ends)}`" + (", without spaces" if spaced else "")
+
+
+def _both_ways(ends: list[_End]) -> str:
+    """What to write for a bound that begins before now and ends after it."""
+    before, after = (f"[:{end.text}]" for end in ends)
+    return f"what came before is `once{before} {{…}}`, and what comes after `{{cause}} -> eventually{after} {{…}}`"
 
 
 def of_variables(found: Around) -> str:
