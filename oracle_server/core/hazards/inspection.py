@@ -28,6 +28,8 @@ from oracle_server.core.hazards.derived import derived_problems
 from oracle_server.core.hazards.doubts import doubtful_derived
 from oracle_server.core.hazards.fields import inspect_fields
 from oracle_server.core.hazards.gaps import gaps
+from oracle_server.core.hazards.grouped import grouped
+from oracle_server.core.hazards.halves import halves
 from oracle_server.core.hazards.held import held_elsewhere, held_of_rows
 from oracle_server.core.hazards.incomparable import incomparable
 from oracle_server.core.hazards.lapsing import lapsing
@@ -101,6 +103,8 @@ def inspect(
         *attempts(spec),
         *ever_before(spec),
         *always_before(spec),
+        *grouped(spec),
+        *halves(spec, known),
         *unseen_silence(spec),
         *gaps(spec, known),
         *namesakes(spec, known),
