@@ -123,3 +123,25 @@ def test_what_pre_asks_of_any_step_is_not(formula: str) -> None:
 def test_pre_of_a_streams_own_message_is_told_of_where_the_signal_is_held_too() -> None:
     (found,) = before("{topic: /mode, mode: AUTO} -> pre {topic: /mode, mode: IDLE}", "[mode]")
     assert found.endswith('whatever was said last; leave the stream out of `{topic: "/mode", mode: "IDLE"}`')
+
+
+def after(formula: str, hold: str = "[]") -> list[str]:
+    found = parse_spec(SPEC.replace("SENTENCE", f"formula: '{formula}'").replace("HOLD", hold), "s.yaml").warnings
+    return [each.message for each in found if "`next` asks of the step after" in each.message]
+
+
+@pytest.mark.parametrize(
+    ("asked", "verb"), [("not {v > 3}", "holds"), ("{v: 0}", "is false"), ("{topic: /odom, v: 0}", "is false")]
+)
+def test_what_another_streams_message_hides_from_next_is_told_of_with_what_is_not(asked: str, verb: str) -> None:
+    (found,) = after(f"{{ready}} -> next {asked}", "[mode]")
+    assert (
+        f"{verb} at every event of /mode and /ready, whatever is said later; to ask of the next one of /odom" in found
+    )
+    mend = found.rpartition("write `")[2].removesuffix("`")
+    assert mend.startswith('next (not {topic: "/odom"} until ({topic: "/odom"} and ')
+    assert after(f"{{ready}} -> {mend}") == []
+
+
+def test_next_of_what_all_events_have_is_not() -> None:
+    assert after("{topic: /odom, v: 1} -> next {mode: AUTO}", "[mode]") == []
