@@ -100,3 +100,22 @@ def test_a_trigger_that_keeps_its_value_asks_again(prop: str, *, is_told: bool) 
     found = [w.message for w in parse_spec(text, "s.yaml").warnings if "asks for another answer each time" in w.message]
     assert len(found) == is_told
     assert all("`mode` keep" in each and "`{topic: /mode, …}`" in each for each in found)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "is_told"),
+    [
+        ("/cmd requires /arm", True),
+        ("/cmd requires /mode {mode: AUTO}", True),
+        ("/cmd {id: 3} requires (/arm or /disarm)", True),
+        ("globally: /cmd requires /arm", False),
+        ("/cmd requires /arm within 5s", False),
+        ("after /arm until /disarm: /cmd requires /arm", False),
+        ("forall[i]. /cmd {id: *i} requires /arm {id: *i}", False),
+        ("/arm forbids /cmd", False),
+        ("/cmd requires {mode: AUTO}", False),
+    ],
+)
+def test_what_the_first_cause_allows_for_good_is_told_of(pattern: str, is_told: bool) -> None:
+    found = parse_spec(SPEC.replace("PATTERN", pattern), "s.yaml").warnings
+    assert any("is enough for all that comes later" in each.message for each in found) is is_told

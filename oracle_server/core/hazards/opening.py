@@ -25,13 +25,14 @@ from oracle_server.core.formula.tree import (
     atoms,
 )
 from oracle_server.core.hazards.withholding import lasting, stays
-from oracle_server.core.spec import Spec
+from oracle_server.core.spec import Property, Spec
 
 _NONE_WITHIN = re.compile(
     r"(?:forall\s*\[[^]]*\]\s*\.\s*)*no\b.*\bwithin\b\s*(?P<time>[^)}\]]+)", re.IGNORECASE | re.DOTALL
 )
 _PAIR = re.compile(r"\b(requires|forbids)\b", re.IGNORECASE)
 _HISTORICALLY = re.compile(r"\s*(?:(?:forall|A)\s*\[[^]]*\]\s*\.\s*)*(?:historically|H)\b\s*[^\s(]")
+_GLOBALLY = re.compile(r"\s*(?:forall\s*\[[^]]*\]\s*\.\s*)*globally\b", re.IGNORECASE)
 _SCOPED = re.compile(r"(?:forall\s*\[[^]]*\]\s*\.\s*)*(?:after|until|while)\b", re.IGNORECASE)
 
 
@@ -52,7 +53,7 @@ def at_the_beginning(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def ever(spec: Spec) -> Iterator[SpecProblem]:
-    """Warnings of `B requires A` and `A forbids B` where A is a state: they ask whether it ever was."""
+    """Warnings of `B requires A` and `A forbids B`: they ask whether A ever was, a state that is over or an event."""
     kept = lasting(spec)
     for i, prop in enumerate(spec.properties):
         verb = _PAIR.search(prop.text) if prop.says == "pattern" else None
@@ -61,6 +62,8 @@ def ever(spec: Spec) -> Iterator[SpecProblem]:
         scoped = _SCOPED.match(prop.text.strip()) is not None
         for event, state in _asked(prop.formula, scoped=scoped):
             if not stays(state, kept):
+                if verb[1].lower() == "requires" and not scoped and not _GLOBALLY.match(prop.text):
+                    yield from _once_for_all(i, prop, state)
                 continue
             word, asked = verb[1].lower(), state if verb[1].lower() == "requires" else Not(state)
             keys = {c.key for atom in atoms(state) for c in atom.constraints}
@@ -72,6 +75,18 @@ def ever(spec: Spec) -> Iterator[SpecProblem]:
                 f"`always {render(Implies(event, asked))}`{coming}"
             )
             yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def _once_for_all(i: int, prop: Property, cause: Formula) -> Iterator[SpecProblem]:
+    """Of `B requires A` alone: the first A is enough for good. What is told apart by a variable has its own A."""
+    if any(atom.refs for atom in atoms(cause)):
+        return
+    message = (
+        f"pattern of '{prop.id}': the first `{render(cause)}` is enough for all that comes later, so that the property "
+        "is never violated after it; write `within …` behind it, or a scope before it, as `after … until …:`, or "
+        "`globally:` where once is enough"
+    )
+    yield SpecProblem(("properties", i, "formula"), message, severity="warning")
 
 
 def ever_before(spec: Spec) -> Iterator[SpecProblem]:
