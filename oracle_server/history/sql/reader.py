@@ -119,9 +119,12 @@ class Reader:
                 found, behind = await self._in_thread(partial(read, first, min(first + rows - 1, count)))
                 yield found
                 first, rows = behind, following(rows, behind - first, size)
-        finally:  # where this is cancelled, a thread still reads: it would crash, were this closed meanwhile
+        finally:
             reader.interrupt()
-            self._threads.start(partial(_close, reader, in_use))
+            if in_use.locked():  # where this is cancelled: a thread would crash, were this closed meanwhile
+                self._threads.start(partial(_close, reader, in_use))
+            else:  # not by these threads, which end with the history, and leave open what waits for them
+                asyncio.get_running_loop().run_in_executor(None, reader.close)
 
     def _sort(self, reader: Database, order: str, values: Values) -> None:
         """Keep what is selected in a table `sorted` of the connection's own, with its places as `rowid`."""
