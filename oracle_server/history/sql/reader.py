@@ -121,10 +121,11 @@ class Reader:
                 first, rows = behind, following(rows, behind - first, size)
         finally:
             reader.interrupt()
-            if in_use.locked():  # where this is cancelled: a thread would crash, were this closed meanwhile
-                self._threads.start(partial(_close, reader, in_use))
+            close = partial(_close, reader, in_use)  # a thread may still read where this is cancelled: it would crash
+            if in_use.locked():
+                self._threads.start(close)
             else:  # not by these threads, which end with the history, and leave open what waits for them
-                asyncio.get_running_loop().run_in_executor(None, reader.close)
+                asyncio.get_running_loop().run_in_executor(None, close)
 
     def _sort(self, reader: Database, order: str, values: Values) -> None:
         """Keep what is selected in a table `sorted` of the connection's own, with its places as `rowid`."""
