@@ -58,7 +58,7 @@ class Withdrawals:
         """What is to be said of those that go on."""
         goals = list(self._asked)
         named = [
-            f"goal {goal.hex()} was accepted by the server after its client was told otherwise; "
+            f"goal {goal.hex()} may go on at the server, and its client was told otherwise; "
             "it is cancelled until it ends"
             for goal in goals[:_SHOWN]
         ]
