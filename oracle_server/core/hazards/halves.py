@@ -33,10 +33,12 @@ def halves(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
 
 
 def _told(atom: Atom) -> str:
-    meant = (render_atom(Atom((*atom.constraints, Constraint("kind", "==", kind)))) for kind in ("request", Any.ANY))
+    request, both = (
+        render_atom(Atom((*atom.constraints, Constraint("kind", "==", kind)))) for kind in ("request", Any.ANY)
+    )
     return (
         f"`{render_atom(atom)}` holds at the request of each call, and again at its response; write "
-        f"`{next(meant)}`, or `response`, or `{next(meant)}` where both are meant"
+        f"`{request}`, or `response`, or `{both}` where both are meant"
     )
 
 
